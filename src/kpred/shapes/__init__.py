@@ -1,0 +1,50 @@
+"""Meshes, packs of meshes, scans, and the files that hold them.
+
+Names are imported at first use, so ``import kpred.shapes`` needs nothing but numpy.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kpred.shapes.folder import FolderItem as FolderItem
+    from kpred.shapes.folder import read_folder as read_folder
+    from kpred.shapes.mesh import Mesh as Mesh
+    from kpred.shapes.mesh import clean_mesh as clean_mesh
+    from kpred.shapes.mesh_io import read_mesh as read_mesh
+    from kpred.shapes.mesh_io import write_mesh as write_mesh
+    from kpred.shapes.pack import MeshPack as MeshPack
+    from kpred.shapes.pack import concatenate as concatenate
+    from kpred.shapes.scan import check_points as check_points
+    from kpred.shapes.scan import read_scan as read_scan
+    from kpred.shapes.source import Shape as Shape
+    from kpred.shapes.source import open_shapes as open_shapes
+
+_HOME = {
+    "FolderItem": "folder",
+    "Mesh": "mesh",
+    "MeshPack": "pack",
+    "Shape": "source",
+    "check_points": "scan",
+    "clean_mesh": "mesh",
+    "concatenate": "pack",
+    "open_shapes": "source",
+    "read_folder": "folder",
+    "read_mesh": "mesh_io",
+    "read_scan": "scan",
+    "write_mesh": "mesh_io",
+}
+
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])
