@@ -1,0 +1,1 @@
+"""Seeded parametric furniture: labelled parts, structural families, packs of shapes."""
