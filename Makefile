@@ -1,0 +1,46 @@
+# Two commands: `make demo` fits the bundled scan, `make test` runs the tests. Each makes .venv and installs what is pinned
+# when that has not been done, so they work in any order and on a fresh clone.
+
+# The first Python of a supported version; `make demo PYTHON=/path/to/python3.12` names another.
+PYTHON ?= $(shell for p in python3 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.kpred-installed
+PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
+TORCH := torch==2.13.0
+
+.PHONY: demo test lint format install clean
+.DELETE_ON_ERROR:
+
+demo: $(STAMP)
+	@$(BIN)/kpred demo
+
+test: $(STAMP)
+	@$(BIN)/python -m pytest -n 2 -q
+
+lint: $(STAMP)
+	@$(BIN)/ruff check src tests
+	@$(BIN)/ruff format --check src tests
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+format: $(STAMP)
+	@$(BIN)/ruff check --fix src tests
+	@$(BIN)/ruff format src tests
+
+install: $(STAMP)
+
+# torch goes first and alone: everything after it then finds the pinned build in place.
+$(STAMP): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "kpred needs Python 3.11 or 3.12: install one, or name it: make PYTHON=/path/to/python3.12" >&2; exit 1; }
+	@test -x $(BIN)/python || { echo "making $(VENV)"; $(PYTHON) -m venv $(VENV); }
+	@echo "installing $(TORCH) (a large download the first time)"
+	@$(PIP) install -c constraints.txt '$(TORCH)'
+	@echo "installing kpred and its pinned dependencies"
+	@$(PIP) install -c constraints.txt -e '.[dev]'
+	@touch $(STAMP)
+
+clean:
+	rm -rf $(VENV) build dist kpred-demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

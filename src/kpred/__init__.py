@@ -1,0 +1,43 @@
+"""Scan in, CAD mesh out: keypoint-driven retrieval and deformation of CAD models (KP-RED).
+
+>>> import kpred
+>>> fit = kpred.fit("chair.ply")          # doctest: +SKIP
+>>> fit.mesh.export("chair.obj")          # doctest: +SKIP
+
+The names below are loaded when first used, so that ``import kpred`` itself costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kpred.database import Database
+    from kpred.fitting import Fit, fit
+    from kpred.nn import load_model
+    from kpred.shapes import read_mesh, read_scan, write_mesh
+
+__version__ = "0.1.0"
+
+__all__ = ["Database", "Fit", "__version__", "fit", "load_model", "read_mesh", "read_scan", "write_mesh"]
+
+_HOME = {
+    "Database": "kpred.database",
+    "Fit": "kpred.fitting",
+    "fit": "kpred.fitting",
+    "load_model": "kpred.nn",
+    "read_mesh": "kpred.shapes",
+    "read_scan": "kpred.shapes",
+    "write_mesh": "kpred.shapes",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'kpred' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(_HOME))
