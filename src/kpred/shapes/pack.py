@@ -64,8 +64,6 @@ class MeshPack:
             raise PackError(f"{file}: there is no such file; give the .npz file of a mesh pack.")
         try:
             with np.load(file, allow_pickle=False) as archive:
-                if not isinstance(archive, np.lib.npyio.NpzFile):
-                    raise PackError(f"{file}: it is a single array, not a mesh pack; give an .npz pack.")
                 arrays = {name: archive[name] for name in archive.files}
         except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
             raise PackError(f"{file}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
@@ -90,7 +88,9 @@ class MeshPack:
                 extra={name: array for name, array in arrays.items() if name not in _KNOWN},
             )
         except (ValueError, TypeError) as error:
-            raise PackError(f"{file}: an array of the pack has a wrong type ({error}); write the pack again.") from error
+            raise PackError(
+                f"{file}: an array of the pack has a wrong type ({error}); write the pack again."
+            ) from error
         except PackError as error:
             raise PackError(f"{file}: {error}") from error
 
@@ -199,6 +199,9 @@ def _check(pack: MeshPack) -> None:
             raise PackError("a face names a vertex outside its shape; write the pack again.")
     if pack.face_part is not None and pack.face_part.shape != (len(pack.faces),):
         raise PackError("face_part must have one entry a face; write the pack again.")
+    if pack.face_part is not None and pack.part_names is not None and len(pack.face_part):
+        if pack.face_part.min() < -1 or pack.face_part.max() >= len(pack.part_names):
+            raise PackError("face_part names a part that part_names does not have; write the pack again.")
 
 
 def concatenate(packs: Sequence[MeshPack], category: str | None = None) -> MeshPack:

@@ -1,0 +1,220 @@
+"""Reading a scan: any common file of points or of a scanned mesh becomes an array of points."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from kpred.errors import ConfigError, MeshError, ScanError
+from kpred.shapes.mesh_io import Geometry, read_geometry
+from kpred.shapes.records import BLOCK_ROWS
+from kpred.shapes.scan_array import npy_points, npz_points
+from kpred.shapes.scan_pcd import pcd_is_organised, pcd_points
+from kpred.shapes.scan_ply import ply_points, read_ply_header
+from kpred.shapes.scan_text import text_points
+
+TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts")
+MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf")
+SCAN_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".npy", ".npz", *MESH_SCAN_EXTENSIONS)
+
+MINIMUM_POINTS = 64
+SURFACE_SAMPLES = 32768
+
+# A mesh is dense when its own vertices describe it: at least this many, and this share of the area in faces whose
+# longest edge is at most this part of the box's diagonal. Beyond the last number faces are not even read.
+_DENSE_VERTICES = 2048
+_DENSE_AREA = 0.9
+_DENSE_EDGE = 0.05
+_ALWAYS_DENSE = 1_000_000
+
+# Width over length (as standard deviations) below which points count as lying on one line.
+_LINE = 1e-4
+
+
+def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> np.ndarray:
+    """Read the points of a scan, in the file's own frame and unit.
+
+    Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .npy and .npz; columns other than x, y, z are ignored.
+    A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices when it is a dense scan mesh, as
+    scanners and depth fusion make them; when it has large faces, as CAD models and decimated scans do, points are
+    drawn evenly from its surface by ``seed``. Memory is bounded by ``max_points`` for files of points other than
+    ``binary_compressed`` PCD, however many the file holds.
+
+    Args:
+        path: the file.
+        max_points: more are thinned out at random by ``seed``; the order of the file is kept.
+        seed: of the random choice; the same file and seed give the same points.
+
+    Returns:
+        (N, 3) float64, 64 <= N <= max_points, as checked by ``check_points``.
+
+    Raises:
+        ScanError: missing, unreadable, cut short, unknown extension, or points that ``check_points`` refuses.
+        ConfigError: ``max_points`` is below 64.
+    """
+    file = Path(path)
+    if max_points < MINIMUM_POINTS:
+        raise ConfigError(f"max_points is {max_points}; it must be at least {MINIMUM_POINTS}.")
+    extension = file.suffix.lower()
+    if file.is_dir():
+        raise ScanError(f"{file}: it is a folder; give one scan file.")
+    if not file.exists():
+        raise ScanError(f"{file}: there is no such file; check the path.")
+    if extension not in SCAN_EXTENSIONS:
+        raise ScanError(f"{file}: unknown scan extension {extension!r}; convert it to {', '.join(SCAN_EXTENSIONS)}.")
+    try:
+        if not file.stat().st_size:
+            raise ScanError(f"{file}: the file is empty; save the scan again.")
+        # Rays without a hit are NaN by design in an organised cloud, so they say nothing about damage.
+        nan_is_normal = extension == ".pcd" and pcd_is_organised(file)
+        points = _thinned(_blocks(file, extension, max_points, seed), max_points, seed, str(file), nan_is_normal)
+    except OSError as error:
+        raise ScanError(f"{file}: it cannot be read ({error.strerror or error}); check the file.") from error
+    except MeshError as error:
+        raise ScanError(str(error)) from error
+    return check_points(points, str(file))
+
+
+def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
+    """Drop points with NaN or infinite coordinates and check that the others can be an object.
+
+    Points in one plane are allowed, points on one line are not.
+
+    Args:
+        points: (N, 3) numbers.
+        name: what messages call it, usually the file.
+
+    Returns:
+        (M, 3) float64.
+
+    Raises:
+        ScanError: wrong shape, half or more not finite, fewer than 64 distinct points, or all on one line.
+    """
+    array = np.asarray(points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ScanError(f"{name}: points must have shape (N, 3), not {array.shape}; give x, y, z rows.")
+    finite = np.isfinite(array).all(axis=1)
+    _check_finite(int(finite.sum()), len(array), name)
+    array = array if finite.all() else array[finite]
+    # Random scans pass on the first few thousand points; only suspicious ones need all of them compared.
+    for some in (array[:4096], array):
+        distinct = len(np.unique(some, axis=0))
+        if distinct >= MINIMUM_POINTS:
+            break
+    else:
+        raise ScanError(
+            f"{name}: it has {distinct} distinct points; give a scan with at least {MINIMUM_POINTS} points."
+        )
+    low, high = array.min(axis=0), array.max(axis=0)
+    with np.errstate(over="ignore"):
+        extent = float((high - low).max())
+        if not np.isfinite(extent):
+            raise ScanError(f"{name}: its coordinates are too large to be a scan; check its unit.")
+    centred = (array - (low / 2 + high / 2)) / extent
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(centred.T)), 0.0))
+    if spread[1] <= _LINE * spread[2]:
+        raise ScanError(f"{name}: all its points lie on one line; give the scan of a whole object.")
+    return array
+
+
+def _check_finite(finite: int, total: int, name: str) -> None:
+    if total and 2 * finite <= total:
+        raise ScanError(
+            f"{name}: {total - finite} of {total} points are NaN or infinite; save the scan without invalid points."
+        )
+
+
+def _blocks(file: Path, extension: str, max_points: int, seed: int) -> Iterable[np.ndarray]:
+    if extension == ".ply":
+        header = read_ply_header(file)
+        if header.count("face", "tristrips") and header.count("vertex") <= _ALWAYS_DENSE:
+            return _mesh_blocks(read_geometry(file), max_points, seed)
+        return ply_points(file, header)
+    if extension == ".pcd":
+        return pcd_points(file)
+    if extension == ".npy":
+        return npy_points(file)
+    if extension == ".npz":
+        return npz_points(file)
+    if extension in TEXT_EXTENSIONS:
+        return text_points(file)
+    return _mesh_blocks(read_geometry(file), max_points, seed)
+
+
+def _thinned(blocks: Iterable[np.ndarray], count: int, seed: int, name: str, nan_is_normal: bool) -> np.ndarray:
+    """At most ``count`` finite points of all blocks, each choice equally likely, in their order.
+
+    Every point draws a random key and those with the smallest keys stay: one pass, and never more than about three
+    times ``count`` points in memory.
+    """
+    generator = np.random.default_rng(seed)
+    kept: list[np.ndarray] = [np.zeros((0, 3))]
+    keys: list[np.ndarray] = [np.zeros(0)]
+    held = total = finite = 0
+    highest = np.inf
+    for block in blocks:
+        total += len(block)
+        good = np.isfinite(block).all(axis=1)
+        block = block if good.all() else block[good]
+        finite += len(block)
+        key = generator.random(len(block))
+        if highest < np.inf:
+            chosen = key < highest
+            block, key = block[chosen], key[chosen]
+        kept.append(block)
+        keys.append(key)
+        held += len(block)
+        if held > count + max(count, BLOCK_ROWS):
+            points, key = _smallest(np.concatenate(kept), np.concatenate(keys), count)
+            kept, keys, held, highest = [points], [key], count, float(key.max())
+    if not nan_is_normal:
+        _check_finite(finite, total, name)
+    return _smallest(np.concatenate(kept), np.concatenate(keys), count)[0]
+
+
+def _smallest(points: np.ndarray, keys: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    if len(points) <= count:
+        return points, keys
+    chosen = np.sort(np.argpartition(keys, count - 1)[:count])
+    return points[chosen], keys[chosen]
+
+
+def _mesh_blocks(geometry: Geometry, max_points: int, seed: int) -> Iterator[np.ndarray]:
+    vertices, faces = geometry.vertices, geometry.faces
+    good = np.isfinite(vertices).all(axis=1)
+    faces = faces[good[faces].all(axis=1)]
+    if len(faces):
+        corners = vertices[faces] - vertices[faces[0, 0]]
+        edges = np.roll(corners, -1, axis=1) - corners
+        with np.errstate(over="ignore", invalid="ignore"):
+            areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+            longest = np.sqrt((edges**2).sum(axis=2).max(axis=1))
+            box = corners.reshape(-1, 3)
+            diagonal = float(np.linalg.norm(box.max(axis=0) - box.min(axis=0)))
+        if 0 < areas.sum() < np.inf and not _is_dense(len(np.unique(faces)), areas, longest, diagonal):
+            yield _surface_samples(vertices, faces, areas, min(max_points, SURFACE_SAMPLES), seed)
+            return
+    for start in range(0, len(vertices), BLOCK_ROWS):
+        yield vertices[start : start + BLOCK_ROWS]
+
+
+def _is_dense(vertices: int, areas: np.ndarray, longest: np.ndarray, diagonal: float) -> bool:
+    small = longest <= _DENSE_EDGE * diagonal
+    return vertices >= _DENSE_VERTICES and float(areas[small].sum()) >= _DENSE_AREA * float(areas.sum())
+
+
+def _surface_samples(vertices: np.ndarray, faces: np.ndarray, areas: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """(count, 3) points, uniform by area over the surface; float64, so far-away coordinates keep their precision."""
+    generator = np.random.default_rng([seed, 1])
+    cumulative = np.cumsum(areas)
+    drawn = np.searchsorted(cumulative, generator.random(count) * cumulative[-1], side="right")
+    # Rounding may reach the very end; a face of zero area is never the answer of "right" before it.
+    drawn = np.minimum(drawn, int(np.flatnonzero(areas).max()))
+    u, v = generator.random((2, count, 1))
+    outside = u + v > 1
+    u, v = np.where(outside, 1 - u, u), np.where(outside, 1 - v, v)
+    a, b, c = (vertices[faces[drawn, corner]] for corner in range(3))
+    return a + u * (b - a) + v * (c - a)

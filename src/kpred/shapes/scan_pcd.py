@@ -1,0 +1,117 @@
+"""Points of PCD files (Point Cloud Library): ascii, binary and binary_compressed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from kpred.errors import ScanError
+from kpred.shapes.lzf import decompress_lzf
+from kpred.shapes.records import BLOCK_ROWS, binary_records, text_records, truncated
+
+
+@dataclass
+class _Header:
+    fields: list[str]
+    kinds: list[str]  # numpy types, such as f4
+    counts: list[int]
+    points: int
+    organised: bool
+    data: str
+    lines: int
+
+
+def pcd_is_organised(path: Path) -> bool:
+    """Whether the cloud is a grid of rays (HEIGHT above 1), where NaN rows mean that nothing was hit.
+
+    Raises:
+        ScanError: the header is damaged.
+    """
+    with open(path, "rb") as stream:
+        return _read_header(stream, path).organised
+
+
+def pcd_points(path: Path) -> Iterator[np.ndarray]:
+    """Yield (n, 3) float64 blocks of the points of a PCD file, in the file's coordinates (VIEWPOINT is not applied).
+
+    Raises:
+        ScanError: damaged header, no fields x, y and z, cut short, or an unknown kind of data.
+    """
+    with open(path, "rb") as stream:
+        header = _read_header(stream, path)
+        if not {"x", "y", "z"} <= set(header.fields):
+            raise ScanError(f"{path}: it has no fields x, y and z; export the scan with coordinates.")
+        if header.data == "ascii":
+            starts = dict(zip(header.fields, np.cumsum([0, *header.counts]), strict=False))
+            columns = (int(starts["x"]), int(starts["y"]), int(starts["z"]))
+            found = 0
+            for rows in text_records(stream, columns, str(path), header.lines + 1):
+                found += len(rows)
+                yield rows
+            if found < header.points:
+                raise truncated(str(path), found, header.points)
+        elif header.data == "binary":
+            # Padding fields are all called "_", so only the first of a name keeps it.
+            entries = [
+                (name if name not in header.fields[:i] else f"{name} {i}", f"<{kind}", (count,) if count > 1 else ())
+                for i, (name, kind, count) in enumerate(zip(header.fields, header.kinds, header.counts, strict=True))
+            ]
+            yield from binary_records(stream, np.dtype(entries), header.points, str(path))
+        elif header.data == "binary_compressed":
+            yield from _compressed(stream, header, path)
+        else:
+            raise ScanError(f"{path}: its DATA is {header.data}; save it as ascii, binary or binary_compressed.")
+
+
+def _compressed(stream: IO[bytes], header: _Header, path: Path) -> Iterator[np.ndarray]:
+    sizes = np.frombuffer(stream.read(8), dtype="<u4")
+    if len(sizes) < 2:
+        raise truncated(str(path), 0, header.points)
+    packed = stream.read(int(sizes[0]))
+    if len(packed) < sizes[0]:
+        raise truncated(str(path), 0, header.points)
+    widths = [int(kind[1:]) * count for kind, count in zip(header.kinds, header.counts, strict=True)]
+    try:
+        if int(sizes[1]) != sum(widths) * header.points:
+            raise ValueError("the size does not match the fields")
+        data = decompress_lzf(packed, int(sizes[1]))
+    except ValueError as error:
+        raise ScanError(f"{path}: its compressed points are damaged ({error}); copy it again.") from error
+    # Field after field: all x, then all y, and so on.
+    starts = np.cumsum([0, *(width * header.points for width in widths)])
+    columns = []
+    for axis in "xyz":
+        at = header.fields.index(axis)
+        values = np.frombuffer(data, f"<{header.kinds[at]}", header.points * header.counts[at], int(starts[at]))
+        columns.append(values.reshape(header.points, -1)[:, 0])
+    for start in range(0, header.points, BLOCK_ROWS):
+        yield np.stack([column[start : start + BLOCK_ROWS].astype(np.float64) for column in columns], axis=1)
+
+
+def _read_header(stream: IO[bytes], path: Path) -> _Header:
+    entries: dict[str, list[str]] = {}
+    for number in range(1, 64):
+        words = stream.readline(65536).decode("latin-1").split("#", 1)[0].split()
+        if words:
+            entries[words[0].upper()] = words[1:]
+        if "DATA" in entries:
+            break
+    try:
+        fields = [field.lower() for field in entries.get("FIELDS", entries.get("COLUMNS", []))]
+        counts = [int(count) for count in entries.get("COUNT", ["1"] * len(fields))]
+        kinds = [
+            {"F": "f", "I": "i", "U": "u"}[kind.upper()] + str(int(size))
+            for kind, size in zip(entries["TYPE"], entries["SIZE"], strict=True)
+        ]
+        height = int(entries.get("HEIGHT", ["1"])[0])
+        points = int(entries["POINTS"][0]) if "POINTS" in entries else int(entries["WIDTH"][0]) * height
+        np.dtype([(str(i), kind) for i, kind in enumerate(kinds)])
+        if not len(fields) == len(kinds) == len(counts) or points < 0:
+            raise ValueError("lists of the header differ in length")
+        return _Header(fields, kinds, counts, points, height > 1, entries["DATA"][0].lower(), number)
+    except (KeyError, IndexError, ValueError, TypeError) as error:
+        raise ScanError(f"{path}: its PCD header is damaged or cut short; export the scan again.") from error

@@ -1,0 +1,89 @@
+"""Shapes from wherever they are: a mesh pack, a folder of packs, or a folder of mesh files."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kpred.errors import MeshError, PackError
+from kpred.shapes.folder import FolderItem, read_folder
+from kpred.shapes.mesh import Mesh, clean_mesh
+from kpred.shapes.pack import MeshPack
+
+
+class Shape(NamedTuple):
+    """One shape of a source: y up, front +z; split is source, train or val (source for files of a folder)."""
+
+    model_id: str
+    category: str
+    split: str
+    mesh: Mesh
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, stacklevel=3)
+
+
+def open_shapes(
+    path: str | os.PathLike[str],
+    category: str | None = None,
+    split: str | None = None,
+    report: Callable[[str], None] = _warn,
+) -> Iterator[Shape]:
+    """Yield the shapes of a mesh pack (.npz), of a folder of packs, or of a folder of mesh files, one at a time.
+
+    Shapes are cleaned by ``clean_mesh``. ShapeNet models (``model_normalized``) have their front at -z and are turned
+    by 180 degrees about y. A shape that cannot be read goes to ``report`` as one sentence and is left out.
+
+    Args:
+        path: the file or folder.
+        category: keep this category only; see ``read_folder`` for folders that name none.
+        split: keep this split only.
+        report: called with the message of each shape that is left out; by default a Python warning.
+
+    Raises:
+        PackError: a pack is damaged, or ``path`` is neither a pack nor a folder.
+        MeshError: a folder has no meshes.
+    """
+    root = Path(path)
+    if root.is_dir():
+        packs = sorted(root.glob("*.npz"))
+        if packs:
+            return (shape for pack in packs for shape in _of_pack(MeshPack.load(pack), category, split, report))
+        items = read_folder(root, category)
+        return _of_folder(items, report) if split in (None, "source") else iter(())
+    if not root.exists():
+        raise PackError(f"{root}: there is no such file; give a mesh pack (.npz) or a folder of mesh files.")
+    if root.suffix.lower() != ".npz":
+        raise PackError(f"{root}: it is neither a mesh pack (.npz) nor a folder; give one of them.")
+    return _of_pack(MeshPack.load(root), category, split, report)
+
+
+def _of_pack(pack: MeshPack, category: str | None, split: str | None, report: Callable[[str], None]) -> Iterator[Shape]:
+    if category is not None and category != pack.category:
+        return
+    for i in pack.indices(split):
+        try:
+            mesh = clean_mesh(pack[int(i)])
+        except MeshError as error:
+            report(str(error))
+            continue
+        yield Shape(str(pack.model_id[i]), pack.category, str(pack.split[i]), mesh)
+
+
+def _of_folder(items: Iterator[FolderItem], report: Callable[[str], None]) -> Iterator[Shape]:
+    from kpred.shapes.mesh_io import read_mesh
+
+    for item in items:
+        try:
+            mesh = read_mesh(item.path)
+        except MeshError as error:
+            report(str(error))
+            continue
+        vertices = mesh.vertices * np.float32([-1, 1, -1]) if item.faces_back else mesh.vertices
+        yield Shape(item.model_id, item.category, "source", Mesh(vertices, mesh.faces, item.model_id, mesh.face_parts))
