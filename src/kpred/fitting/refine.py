@@ -1,0 +1,87 @@
+"""Keypoint refinement: given a deformation basis, better keypoints are a linear least-squares problem.
+
+Between two nearest-neighbour searches the deformed source S + B d is linear in the keypoint displacements d, with one
+K x K matrix shared by x, y and z. Alternating the two lowers a robust, weighted Chamfer distance (or its one-sided form
+for partial scans); a prior holds the keypoints that no point speaks for where the network put them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from kpred.ops.nearest import nearest_neighbours
+from kpred.ops.typing import Float
+
+
+@dataclass(frozen=True)
+class RefineConfig:
+    """How keypoints are refined.
+
+    Attributes:
+        iterations: rounds of nearest neighbours and least squares.
+        points: points of the source and of the target used in each round (all of them are used for the final error).
+        prior: weight of the pull toward the network's keypoints, as a share of the data term's mean diagonal.
+        robust: a point farther from its match than this many times the median distance counts less and less; 0 is off.
+    """
+
+    iterations: int = 8
+    points: int = 1024
+    prior: float = 0.02
+    robust: float = 4.0
+
+
+def refine_keypoints(
+    points: Float[Tensor, "candidates points 3"],
+    basis: Float[Tensor, "candidates points keypoints"],
+    displacement: Float[Tensor, "candidates keypoints 3"],
+    target: Float[Tensor, "target 3"],
+    confidence: Float[Tensor, " keypoints"],
+    config: RefineConfig,
+    partial: bool,
+) -> Float[Tensor, "candidates keypoints 3"]:
+    """Displacements of the source keypoints that bring each candidate closer to the target; all in the unit box.
+
+    Args:
+        points: source points of every candidate; basis: their deformation basis B, so that S' = S + B d.
+        displacement: the network's K_target - K_source, the start and the centre of the prior.
+        confidence: D_i in [0, 1]; a keypoint of low confidence in a partial scan is held more by its neighbours' prior.
+        partial: only target-to-source distances count, since the unseen part of the source has nothing to match.
+    """
+    source_step = max(1, points.shape[1] // config.points)
+    target_step = max(1, len(target) // config.points)
+    few, few_basis = points[:, ::source_step], basis[:, ::source_step].contiguous()
+    goal = target[::target_step].expand(len(points), -1, -1).contiguous()
+    start, current = displacement, displacement
+    hold = 1.0 + (1.0 - confidence) * (4.0 if partial else 0.0)
+    for _ in range(config.iterations):
+        moved = few + few_basis @ current
+        squared, index = nearest_neighbours(goal, moved)
+        rows = _rows(few_basis, index)
+        residual = goal - _rows(few, index)
+        weight = _robust_weight(squared, config.robust) / goal.shape[1]
+        normal = rows.transpose(1, 2) @ (rows * weight[..., None])
+        right = rows.transpose(1, 2) @ (residual * weight[..., None])
+        if not partial:
+            squared, index = nearest_neighbours(moved, goal)
+            weight = _robust_weight(squared, config.robust) / few.shape[1]
+            normal = normal + few_basis.transpose(1, 2) @ (few_basis * weight[..., None])
+            right = right + few_basis.transpose(1, 2) @ ((_rows(goal, index) - few) * weight[..., None])
+        scale = normal.diagonal(dim1=1, dim2=2).mean(1)[:, None]
+        held = torch.diag_embed(config.prior * scale * hold)
+        current = torch.linalg.solve(normal + held, right + held @ start)
+    return current
+
+
+def _rows(values: Tensor, index: Tensor) -> Tensor:
+    return torch.gather(values, 1, index[..., None].expand(-1, -1, values.shape[-1]))
+
+
+def _robust_weight(squared: Tensor, robust: float) -> Tensor:
+    """Geman-McClure weights with a scale from the median distance, so that clean full scans are hardly touched."""
+    if robust <= 0:
+        return torch.ones_like(squared)
+    scale = squared.median(dim=1, keepdim=True).values * robust**2 + 1e-4
+    return (scale / (scale + squared)).square()

@@ -1,0 +1,149 @@
+"""Weights on disk: a folder of config.json + model.safetensors a category, or a folder of such folders."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from kpred.errors import ConfigError, ModelError, OutputError
+from kpred.nn.config import ModelConfig
+from kpred.nn.model import KPRed
+
+CONFIG_FILE = "config.json"
+WEIGHTS_FILE = "model.safetensors"
+
+
+@dataclass(frozen=True, eq=False)
+class Model(Mapping[str, KPRed]):
+    """Networks of one or several categories under one name; a mapping from category to `KPRed`."""
+
+    name: str
+    networks: dict[str, KPRed]
+
+    def __getitem__(self, category: str) -> KPRed:
+        """The category's networks.
+
+        Raises:
+            ModelError: if the model was not trained for it.
+        """
+        if category not in self.networks:
+            known = ", ".join(self.networks)
+            raise ModelError(f"The model {self.name} knows no category '{category}'; it knows {known}.")
+        return self.networks[category]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.networks)
+
+    def __len__(self) -> int:
+        return len(self.networks)
+
+    @property
+    def categories(self) -> tuple[str, ...]:
+        """Names of the categories."""
+        return tuple(self.networks)
+
+    def to(self, device: torch.device | str) -> Model:
+        """The same model with its networks on `device` (moved in place)."""
+        for network in self.networks.values():
+            network.to(device)
+        return self
+
+
+def bundled_model_path() -> Path:
+    """Folder of the weights that come with the package."""
+    return Path(str(resources.files("kpred"))) / "bundled" / "model"
+
+
+def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
+    """Load weights: None or "bundled" for those of the package, else a folder, else a Hugging Face Hub repository.
+
+    A folder holds config.json and model.safetensors of one category, or one such folder a category.
+
+    Raises:
+        ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
+    """
+    if name_or_path is None or str(name_or_path) == "bundled":
+        folder, name = bundled_model_path(), "bundled"
+        if not folder.is_dir():
+            raise ModelError(f"The bundled weights are missing at {folder}; reinstall kpred.")
+    else:
+        folder, name = Path(name_or_path), str(name_or_path)
+        if not folder.is_dir():
+            folder = _from_hub(name)
+    if (folder / CONFIG_FILE).is_file():
+        network = load_network(folder, device)
+        return Model(name, {network.config.category: network})
+    parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file())
+    if not parts:
+        raise ModelError(f"No weights in {folder}: expected {CONFIG_FILE} and {WEIGHTS_FILE}, or a folder a category.")
+    networks = {network.config.category: network for network in (load_network(part, device) for part in parts)}
+    return Model(name, networks)
+
+
+def load_network(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> KPRed:
+    """One category's networks from its folder, in evaluation mode, single precision, without gradients.
+
+    Raises:
+        ModelError: if a file is missing, truncated or does not fit the other.
+    """
+    folder = Path(folder)
+    try:
+        config = ModelConfig.from_dict(json.loads((folder / CONFIG_FILE).read_text()))
+        weights = load_file(folder / WEIGHTS_FILE, device=str(device))
+    except FileNotFoundError as error:
+        raise ModelError(f"{error.filename or folder / WEIGHTS_FILE} is missing; give a folder of trained weights.") from error
+    except (json.JSONDecodeError, UnicodeDecodeError, TypeError) as error:
+        raise ModelError(f"{folder / CONFIG_FILE} is not a kpred model config ({error}); train or copy it again.") from error
+    except (SafetensorError, OSError) as error:
+        raise ModelError(f"{folder / WEIGHTS_FILE} is truncated or no safetensors file; copy it again.") from error
+    except ConfigError as error:
+        raise ModelError(f"{folder / CONFIG_FILE}: {error}") from error
+    network = KPRed(config)
+    try:
+        network.load_state_dict({key: value.float() for key, value in weights.items()})
+    except RuntimeError as error:
+        raise ModelError(f"The weights in {folder} do not fit their {CONFIG_FILE}; copy both files again.") from error
+    network.to(device).eval().requires_grad_(False)
+    return network
+
+
+def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = True) -> None:
+    """Write config.json and model.safetensors (half precision unless told otherwise), each file atomically.
+
+    Raises:
+        OutputError: if the folder cannot be written.
+    """
+    folder = Path(folder)
+    dtype = torch.float16 if half else torch.float32
+    tensors = {key: value.detach().cpu().to(dtype).contiguous() for key, value in network.state_dict().items()}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            save_file(tensors, Path(scratch) / WEIGHTS_FILE)
+            (Path(scratch) / CONFIG_FILE).write_text(json.dumps(network.config.to_dict(), indent=2) + "\n")
+            for name in (WEIGHTS_FILE, CONFIG_FILE):
+                os.chmod(Path(scratch) / name, 0o644)
+                os.replace(Path(scratch) / name, folder / name)
+    except OSError as error:
+        raise OutputError(f"The weights cannot be written to {folder} ({error.strerror}); free space or choose another folder.") from error
+
+
+def _from_hub(name: str) -> Path:
+    looks_like_repository = name.count("/") == 1 and not name.startswith((".", "/", "~"))
+    if not looks_like_repository:
+        raise ModelError(f"There is no model folder {name}; give a folder of trained weights, or leave it out for the bundled ones.")
+    try:
+        from huggingface_hub import snapshot_download
+
+        return Path(snapshot_download(name, allow_patterns=["*.json", "*.safetensors"]))
+    except Exception as error:  # the hub's own errors have no common base
+        raise ModelError(f"There is no model folder {name}, and it could not be fetched from the Hugging Face Hub.") from error

@@ -1,0 +1,88 @@
+"""One category's networks as one module: keypoints, influence, retrieval tokens, and their partial twins."""
+
+from __future__ import annotations
+
+import hashlib
+
+from torch import Tensor, nn
+
+from kpred.nn.config import ModelConfig
+from kpred.nn.influence import InfluencePredictor
+from kpred.nn.keypoints import KeypointPredictor
+from kpred.nn.retrieval import RegionDecoder, RetrievalEncoder
+from kpred.ops.cage import enclosing_cage, pulled_in_cage
+from kpred.ops.regions import ball_query, density_confidence
+from kpred.ops.typing import Float
+
+STAGES = {
+    "deformation": ("keypoint_predictor", "influence_predictor"),
+    "retrieval": ("retrieval_encoder", "region_decoder"),
+    "partial": ("partial_keypoint_predictor", "partial_retrieval_encoder"),
+}
+"""Which parts each training stage learns; everything else is frozen in it."""
+
+
+class KPRed(nn.Module):
+    """The networks of one category; every method takes and gives unit-box coordinates."""
+
+    def __init__(self, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.keypoint_predictor = KeypointPredictor(config)
+        self.influence_predictor = InfluencePredictor(config)
+        self.retrieval_encoder = RetrievalEncoder(config)
+        self.region_decoder = RegionDecoder(config)
+        self.partial_keypoint_predictor = KeypointPredictor(config)
+        self.partial_retrieval_encoder = RetrievalEncoder(config)
+
+    def keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
+        """Semantic keypoints of full shapes (Phi_full)."""
+        return self.keypoint_predictor(points)
+
+    def partial_keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
+        """Keypoints of the whole shape, unseen ones too, from a partial cloud in the whole shape's frame (Phi_part)."""
+        return self.partial_keypoint_predictor(points)
+
+    def cage(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch vertices 3"]:
+        """The source's cage; its faces are those of `kpred.ops.cage.icosphere(config.cage_subdivisions)`."""
+        build = enclosing_cage if self.config.cage == "enclosing" else pulled_in_cage
+        return build(points, subdivisions=self.config.cage_subdivisions)
+
+    def influence(
+        self,
+        points: Float[Tensor, "batch points 3"],
+        keypoints: Float[Tensor, "batch keypoints 3"],
+        cage: Float[Tensor, "batch vertices 3"],
+    ) -> Float[Tensor, "batch keypoints vertices"]:
+        """Influence vectors I_i of Eq. 1."""
+        return self.influence_predictor(points, keypoints, cage)
+
+    def retrieval_tokens(
+        self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
+    ) -> Float[Tensor, "batch keypoints token"]:
+        """Retrieval tokens of full shapes."""
+        return self.retrieval_encoder(points, keypoints)
+
+    def partial_retrieval_tokens(
+        self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
+    ) -> Float[Tensor, "batch keypoints token"]:
+        """Retrieval tokens of partial clouds, comparable to those of full shapes."""
+        return self.partial_retrieval_encoder(points, keypoints)
+
+    def confidence(
+        self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
+    ) -> Float[Tensor, "batch keypoints"]:
+        """D_i in [0, 1]: how densely the support region of each keypoint was seen (all ones without CB)."""
+        if not self.config.confidence:
+            return keypoints.new_ones(keypoints.shape[:2])
+        _, counts = ball_query(points, keypoints, self.config.radius, 1)
+        return density_confidence(counts, points.shape[1], self.config.radius, self.config.density)
+
+    def fingerprint(self) -> str:
+        """Hash of the config and of the weights (at half precision, as stored) that make tokens and bases."""
+        digest = hashlib.sha256(repr(sorted(self.config.to_dict().items())).encode())
+        for name in ("keypoint_predictor", "influence_predictor", "retrieval_encoder"):
+            for key, value in sorted(getattr(self, name).state_dict().items()):
+                digest.update(key.encode())
+                digest.update(value.detach().cpu().half().numpy().tobytes())
+        return digest.hexdigest()[:16]
