@@ -63,7 +63,8 @@ class Mesh:
         corners = self.vertices[self.faces].astype(np.float64)
         with np.errstate(invalid="ignore", over="ignore"):
             normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            return 0.5 * np.linalg.norm(normals, axis=1)
+            areas: np.ndarray = 0.5 * np.linalg.norm(normals, axis=1)
+        return areas
 
     def area(self) -> float:
         """Sum of the face areas, in squared units of the vertices."""

@@ -36,9 +36,9 @@ class Geometry:
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh file as one triangle mesh in the file's own frame and unit.
 
-    Parts (objects and groups of an OBJ, nodes of a GLB or glTF with their transforms applied) are joined; ``face_parts``
-    tells them apart when there are several. Quads and polygons become triangles; faces without area are dropped;
-    materials, textures and a missing .mtl are ignored.
+    Parts (objects and groups of an OBJ, nodes of a GLB or glTF with their transforms applied) are joined;
+    ``face_parts`` tells them apart when there are several. Quads and polygons become triangles; faces
+    without area are dropped; materials, textures and a missing .mtl are ignored.
 
     Raises:
         MeshError: missing, unreadable, unknown extension, no face with an area, or too far from its origin.

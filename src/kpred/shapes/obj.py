@@ -36,7 +36,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     number = 0
     with open(path, "rb") as stream:
         try:
-            for number, line in _logical_lines(stream):
+            for number, line in _logical_lines(stream):  # noqa: B007 (the message below names it)
                 if line.startswith(b"v "):
                     x, y, z = line.split(None, 4)[1:4]
                     coordinates.extend((float(x), float(y), float(z)))
@@ -47,9 +47,9 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                     count = len(coordinates) // 3
                     for word in words:
                         index = int(word.split(b"/", 1)[0])
-                        index = index - 1 if index > 0 else count + index
-                        if not 0 <= index:
+                        if index == 0 or index < -count:
                             raise ValueError("no such vertex")
+                        index = index - 1 if index > 0 else count + index
                         corners.append(index)
                     if part < 0:
                         part = numbers.setdefault((object_name, group_name), len(numbers))

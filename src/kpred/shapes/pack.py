@@ -199,9 +199,10 @@ def _check(pack: MeshPack) -> None:
             raise PackError("a face names a vertex outside its shape; write the pack again.")
     if pack.face_part is not None and pack.face_part.shape != (len(pack.faces),):
         raise PackError("face_part must have one entry a face; write the pack again.")
-    if pack.face_part is not None and pack.part_names is not None and len(pack.face_part):
-        if pack.face_part.min() < -1 or pack.face_part.max() >= len(pack.part_names):
-            raise PackError("face_part names a part that part_names does not have; write the pack again.")
+    if pack.face_part is None or pack.part_names is None or not len(pack.face_part):
+        return
+    if pack.face_part.min() < -1 or pack.face_part.max() >= len(pack.part_names):
+        raise PackError("face_part names a part that part_names does not have; write the pack again.")
 
 
 def concatenate(packs: Sequence[MeshPack], category: str | None = None) -> MeshPack:

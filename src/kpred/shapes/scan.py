@@ -217,4 +217,5 @@ def _surface_samples(vertices: np.ndarray, faces: np.ndarray, areas: np.ndarray,
     outside = u + v > 1
     u, v = np.where(outside, 1 - u, u), np.where(outside, 1 - v, v)
     a, b, c = (vertices[faces[drawn, corner]] for corner in range(3))
-    return a + u * (b - a) + v * (c - a)
+    samples: np.ndarray = a + u * (b - a) + v * (c - a)
+    return samples

@@ -94,7 +94,7 @@ def _compressed(stream: IO[bytes], header: _Header, path: Path) -> Iterator[np.n
 
 def _read_header(stream: IO[bytes], path: Path) -> _Header:
     entries: dict[str, list[str]] = {}
-    for number in range(1, 64):
+    for number in range(1, 64):  # noqa: B007 (its last value is the number of header lines)
         words = stream.readline(65536).decode("latin-1").split("#", 1)[0].split()
         if words:
             entries[words[0].upper()] = words[1:]

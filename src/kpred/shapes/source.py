@@ -85,5 +85,5 @@ def _of_folder(items: Iterator[FolderItem], report: Callable[[str], None]) -> It
         except MeshError as error:
             report(str(error))
             continue
-        vertices = mesh.vertices * np.float32([-1, 1, -1]) if item.faces_back else mesh.vertices
+        vertices = mesh.vertices * np.array([-1, 1, -1], np.float32) if item.faces_back else mesh.vertices
         yield Shape(item.model_id, item.category, "source", Mesh(vertices, mesh.faces, item.model_id, mesh.face_parts))
