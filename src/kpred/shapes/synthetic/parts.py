@@ -80,9 +80,7 @@ def box(size: Vector, center: Vector, label: str) -> Part:
     return frustum((width, depth), (width, depth), (x, y - half, z), (x, y + half, z), label)
 
 
-def frustum(
-    bottom_size: Vector, top_size: Vector, bottom_center: Vector, top_center: Vector, label: str
-) -> Part:
+def frustum(bottom_size: Vector, top_size: Vector, bottom_center: Vector, top_center: Vector, label: str) -> Part:
     """Hexahedron between two horizontal rectangles (width x, depth z): tapered and splayed legs."""
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     rings = []
