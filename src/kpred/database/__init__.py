@@ -1,0 +1,40 @@
+"""The CAD database: entries, the file that holds them, exact search, and building it from meshes.
+
+Names are imported at first use, so that `import kpred.database` loads neither SQLAlchemy nor torch.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kpred.database.build import BuildReport as BuildReport
+    from kpred.database.build import build_database as build_database
+    from kpred.database.encode import encode_models as encode_models
+    from kpred.database.entry import Entry as Entry
+    from kpred.database.search import SearchResult as SearchResult
+    from kpred.database.store import Candidates as Candidates
+    from kpred.database.store import Database as Database
+
+_HOME = {
+    "BuildReport": "build",
+    "Candidates": "store",
+    "Database": "store",
+    "Entry": "entry",
+    "SearchResult": "search",
+    "build_database": "build",
+    "encode_models": "encode",
+}
+
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

@@ -1,0 +1,326 @@
+"""The CAD database: one SQLite file, searched and fitted from memory."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from threading import RLock
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Connection, delete, func, select
+
+from kpred import __version__
+from kpred.database.connection import create_file, explained, open_file
+from kpred.database.entry import Entry
+from kpred.database.rows import (
+    FittingArrays,
+    chunks,
+    find_rows,
+    insert_entry,
+    read_entry,
+    read_fitting_arrays,
+    read_tokens,
+)
+from kpred.database.schema import CategoryRow, InfoRow, ModelRow
+from kpred.database.search import SearchResult, TokenIndex
+from kpred.errors import DatabaseError
+
+_CACHED_MODELS = 4096
+"""Models whose points and basis are kept in memory: about 120 kB each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """What fitting needs of M models of one category, as float32 arrays in the unit box of each model."""
+
+    model_ids: tuple[str, ...]
+    keypoints: np.ndarray
+    """(M, K, 3)"""
+    points: np.ndarray
+    """(M, N, 3)"""
+    point_basis: np.ndarray
+    """(M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints)"""
+
+
+class Database:
+    """CAD models with their keypoints, tokens and deformation bases, in one file.
+
+    Open it with `Database.open` or `Database.create`, close it with `close` or `with`. Every `add` and `remove` is one
+    transaction: it is in the file whole, or not at all, whatever happens to the process. Several processes may read
+    while one writes; what another process has written is seen at the next call. An object may be shared by threads.
+    All methods raise DatabaseError when the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path, *, read_only: bool, timeout: float) -> None:
+        """Use `open` or `create` instead."""
+        self.path = path
+        self.read_only = read_only
+        self._engine = open_file(path, read_only, timeout)
+        self._open = True
+        self._lock = RLock()
+        self._data_version = -1
+        self._indices: dict[str, TokenIndex] = {}
+        self._arrays: OrderedDict[str, FittingArrays] = OrderedDict()
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
+        """Open an existing database; for reading only when asked, or when the file may not be written.
+
+        `timeout`: seconds to wait while another process writes, before giving up.
+        Raises DatabaseError: missing, empty, foreign, damaged, newer than this program, locked.
+        """
+        file = Path(path)
+        if read_only is None:
+            read_only = file.exists() and not os.access(file, os.W_OK)
+        return cls(file, read_only=read_only, timeout=timeout)
+
+    @classmethod
+    def create(cls, path: str | os.PathLike[str], *, overwrite: bool = False, timeout: float = 5.0) -> Database:
+        """Make an empty database and open it; folders on the way to it are made.
+
+        Raises DatabaseError: it exists already and `overwrite` is not set, or cannot be written.
+        """
+        file = Path(path)
+        if file.exists() and not overwrite:
+            raise DatabaseError(f"Database {file} exists already; open it, or choose another name.")
+        create_file(file, __version__)
+        return cls(file, read_only=False, timeout=timeout)
+
+    def close(self) -> None:
+        """Let go of the file and of the memory; closing twice does nothing."""
+        with self._lock:
+            self._open = False
+            self._forget()
+            self._engine.dispose()
+
+    def __enter__(self) -> Database:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # Writing
+
+    def add(self, entries: Iterable[Entry], *, model_name: str = "") -> int:
+        """Put entries into the file in one transaction and return their number.
+
+        `model_name`: name of the model whose weights made them, for messages.
+        Raises DatabaseError, and then adds none of them: an id is there already, the weights of an entry (its
+        `fingerprint`) are not those of the other entries of its category, or its arrays do not fit each other.
+        """
+        pending = list(entries)
+        for entry in pending:
+            entry.check()
+        with self._transaction(write=True) as connection:
+            for entry in pending:
+                try:
+                    insert_entry(connection, entry, model_name)
+                except DatabaseError as error:
+                    raise DatabaseError(f"Database {self.path}: {error}") from error
+        return len(pending)
+
+    def remove(self, model_ids: Iterable[str]) -> int:
+        """Take models out of the file in one transaction and return their number.
+
+        A category whose last model goes is forgotten, so that it can be filled by other weights.
+        Raises DatabaseError, and then removes none of them: an id is not in the database.
+        """
+        wanted = list(dict.fromkeys(model_ids))
+        with self._transaction(write=True) as connection:
+            rows = find_rows(connection, wanted)
+            if len(rows) < len(wanted):
+                raise self._unknown([name for name in wanted if name not in rows])
+            for chunk in chunks(list(rows.values())):
+                connection.execute(delete(ModelRow).where(ModelRow.id.in_(chunk)))
+            used = select(ModelRow.category_id)
+            connection.execute(delete(CategoryRow).where(CategoryRow.id.not_in(used)))
+        return len(wanted)
+
+    # Reading
+
+    def __len__(self) -> int:
+        with self._transaction() as connection:
+            return int(connection.scalar(select(func.count()).select_from(ModelRow)) or 0)
+
+    def __contains__(self, model_id: object) -> bool:
+        with self._transaction() as connection:
+            return connection.scalar(select(ModelRow.id).where(ModelRow.model_id == str(model_id))) is not None
+
+    def categories(self) -> tuple[str, ...]:
+        """Names of the categories that have models, in alphabetical order."""
+        with self._transaction() as connection:
+            return tuple(connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)))
+
+    def model_ids(self, category: str | None = None) -> tuple[str, ...]:
+        """Ids of all models, or of those of one category, in alphabetical order."""
+        if category is not None:
+            return self._index(category).model_ids
+        with self._transaction() as connection:
+            return tuple(connection.scalars(select(ModelRow.model_id).order_by(ModelRow.model_id)))
+
+    def metadata(self, model_id: str) -> dict[str, str]:
+        """What was recorded about a model (its split, its source) without reading its arrays."""
+        with self._transaction() as connection:
+            meta = connection.scalar(select(ModelRow.meta).where(ModelRow.model_id == model_id))
+        if meta is None:
+            raise self._unknown([model_id])
+        return dict(meta)
+
+    def entry(self, model_id: str) -> Entry:
+        """All of one model, mesh and vertex basis included."""
+        with self._transaction() as connection:
+            entry = read_entry(connection, model_id)
+        if entry is None:
+            raise self._unknown([model_id])
+        return entry
+
+    def candidates(self, category: str, model_ids: Sequence[str] | None = None) -> Candidates:
+        """Keypoints, points and point bases of models of one category (all when None), in the order of `model_ids`.
+
+        Read from the file once, then kept in memory. Raises DatabaseError for ids that are not in the category, and
+        when models were stored with different numbers of points.
+        """
+        wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
+        if not wanted:
+            raise DatabaseError(f"Database {self.path}: no candidates were asked for; name at least one model.")
+        with self._transaction() as connection:
+            missing = [name for name in dict.fromkeys(wanted) if name not in self._arrays]
+            found = {name: self._arrays[name] for name in wanted if name in self._arrays}
+            found |= self._read_candidates(connection, missing)
+        models = [found[name] for name in wanted]
+        strangers = [name for name, model in zip(wanted, models, strict=True) if model.category != category]
+        if strangers:
+            raise DatabaseError(f"Database {self.path}: {strangers[0]} is no {category}; search that category again.")
+        if len({model.points.shape for model in models}) > 1:
+            raise DatabaseError(f"Database {self.path}: models have different numbers of points; build it again.")
+        return Candidates(
+            model_ids=wanted,
+            keypoints=np.stack([model.keypoints for model in models]),
+            points=np.stack([model.points for model in models]),
+            point_basis=np.stack([model.point_basis for model in models]),
+        )
+
+    def search(
+        self, category: str, tokens: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10
+    ) -> SearchResult:
+        """The `top_k` models of `category` nearest to query tokens (K, C) by L1, keypoint i weighing weights[i].
+
+        Exact. Nearest first, ties by id. Fewer than `top_k` when the category has fewer models.
+        """
+        return self._index(category).search(tokens, weights, top_k)
+
+    def info(self) -> dict[str, Any]:
+        """Facts for people and programs: path, bytes, format, maker, and per category models, weights and sizes."""
+        counts = select(ModelRow.category_id, func.count().label("models")).group_by(ModelRow.category_id).subquery()
+        with self._transaction() as connection:
+            facts = {row.key: row.value for row in connection.execute(select(InfoRow))}
+            rows = connection.execute(
+                select(CategoryRow, counts.c.models)
+                .join(counts, counts.c.category_id == CategoryRow.id)
+                .order_by(CategoryRow.name)
+            ).all()
+        categories = {
+            row.name: {
+                "models": row.models,
+                "fingerprint": row.fingerprint,
+                "model_name": row.model_name,
+                "keypoints": row.keypoint_count,
+                "token_size": row.token_size,
+            }
+            for row in rows
+        }
+        return {
+            "path": str(self.path),
+            "bytes": self.path.stat().st_size,
+            "schema_version": int(facts["schema_version"]),
+            "created_by": facts["created_by"],
+            "models": sum(row.models for row in rows),
+            "categories": categories,
+        }
+
+    def check_model(self, model: Any) -> None:
+        """Raise DatabaseError when other weights made this database than those of `model` (a `Model` or a `KPRed`).
+
+        Categories that only one of the two has are no error, as long as there is one that both have.
+        """
+        with self._transaction() as connection:
+            rows = connection.execute(select(CategoryRow)).all()
+        networks = _networks(model)
+        for row in rows:
+            if row.name in networks and networks[row.name].fingerprint != row.fingerprint:
+                raise DatabaseError(
+                    f"Database {self.path} was made by other weights: its {row.name} tokens by {row.fingerprint} "
+                    f"({row.model_name or 'unnamed'}), the model loaded is {networks[row.name].fingerprint}; "
+                    "load that model, or build the database again with this one."
+                )
+        if rows and not any(row.name in networks for row in rows):
+            raise DatabaseError(
+                f"Database {self.path} holds {', '.join(row.name for row in rows)}, the model knows "
+                f"{', '.join(networks) or 'nothing'}; load another model or another database."
+            )
+
+    # Private
+
+    @contextmanager
+    def _transaction(self, write: bool = False) -> Iterator[Connection]:
+        with self._lock, explained(self.path):
+            if not self._open:
+                raise DatabaseError(f"Database {self.path} is closed; open it again.")
+            if write and self.read_only:
+                raise DatabaseError(
+                    f"Database {self.path} is open for reading only; copy it to a place where you may write."
+                )
+            with self._engine.connect().execution_options(kpred_write=write) as connection, connection.begin():
+                version = int(connection.exec_driver_sql("PRAGMA data_version").scalar_one())
+                if version != self._data_version:
+                    self._forget()  # another process has written
+                    self._data_version = version
+                try:
+                    yield connection
+                finally:
+                    if write:
+                        self._forget()
+
+    def _forget(self) -> None:
+        self._indices.clear()
+        self._arrays.clear()
+
+    def _index(self, category: str) -> TokenIndex:
+        with self._transaction() as connection:
+            if category not in self._indices:
+                read = read_tokens(connection, category)
+                if read is None:
+                    names = connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)).all()
+                    raise DatabaseError(
+                        f"Database {self.path} has no models of category {category!r}; "
+                        f"it has {', '.join(names) or 'none'}."
+                    )
+                self._indices[category] = TokenIndex(*read)
+            return self._indices[category]
+
+    def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
+        found = read_fitting_arrays(connection, model_ids)
+        if len(found) < len(model_ids):
+            raise self._unknown([name for name in model_ids if name not in found])
+        self._arrays.update(found)
+        while len(self._arrays) > _CACHED_MODELS:
+            self._arrays.popitem(last=False)
+        return found
+
+    def _unknown(self, model_ids: Collection[str]) -> DatabaseError:
+        name = sorted(model_ids)[0]
+        return DatabaseError(f"Database {self.path} has no model {name!r}; 'kpred database info' tells what it holds.")
+
+
+def _networks(model: Any) -> dict[str, Any]:
+    if hasattr(model, "config"):
+        return {model.config.category: model}
+    return {name: model[name] for name in model.categories}

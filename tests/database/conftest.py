@@ -1,0 +1,81 @@
+"""Random entries and what tests ask of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from kpred.database.entry import Entry
+from kpred.ops.frames import Frame
+from kpred.shapes.mesh import Mesh
+
+
+def random_entry(
+    model_id: str,
+    category: str = "chair",
+    *,
+    seed: int = 0,
+    points: int = 64,
+    vertices: int = 20,
+    faces: int = 30,
+    keypoints: int = 12,
+    token_size: int = 128,
+    parts: bool = False,
+    fingerprint: str = "weights-a",
+) -> Entry:
+    """An entry of random numbers, of the precision a database keeps."""
+    rng = np.random.default_rng([seed, *model_id.encode()])
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    mesh = Mesh(
+        rng.normal(size=(vertices, 3)),
+        rng.integers(0, vertices, size=(faces, 3)),
+        model_id,
+        rng.integers(-1, 9, size=faces).astype(np.int16) if parts else None,
+    )
+    return Entry(
+        model_id=model_id,
+        category=category,
+        mesh=mesh,
+        frame=Frame(rotation=turn * np.linalg.det(turn), scale=float(rng.uniform(0.1, 3)), center=rng.normal(size=3)),
+        metadata={"split": "source", "seed": str(seed)},
+        points=rng.uniform(-1, 1, size=(points, 3)).astype(np.float32),
+        keypoints=rng.uniform(-1, 1, size=(keypoints, 3)).astype(np.float32),
+        tokens=rng.normal(size=(keypoints, token_size)).astype(np.float32),
+        point_basis=rng.uniform(-0.2, 0.8, size=(points, keypoints)).astype(np.float32),
+        vertex_basis=rng.uniform(-0.2, 0.8, size=(vertices, keypoints)).astype(np.float32),
+        fingerprint=fingerprint,
+    ).rounded()
+
+
+def assert_same(a: Entry, b: Entry) -> None:
+    """Every field equal, arrays to the bit and of the same type."""
+    assert (a.model_id, a.category, a.metadata, a.fingerprint) == (b.model_id, b.category, b.metadata, b.fingerprint)
+    pairs = {
+        "vertices": (a.mesh.vertices, b.mesh.vertices),
+        "faces": (a.mesh.faces, b.mesh.faces),
+        "rotation": (a.frame.rotation, b.frame.rotation),
+        "center": (a.frame.center, b.frame.center),
+        "points": (a.points, b.points),
+        "keypoints": (a.keypoints, b.keypoints),
+        "tokens": (a.tokens, b.tokens),
+        "point_basis": (a.point_basis, b.point_basis),
+        "vertex_basis": (a.vertex_basis, b.vertex_basis),
+    }
+    if a.mesh.face_parts is not None or b.mesh.face_parts is not None:
+        pairs["face_parts"] = (a.mesh.face_parts, b.mesh.face_parts)
+    for name, (left, right) in pairs.items():
+        assert left.dtype == right.dtype, name
+        np.testing.assert_array_equal(left, right, err_msg=name)
+    assert a.frame.scale == b.frame.scale
+
+
+@pytest.fixture(name="random_entry", scope="session")
+def _random_entry() -> Callable[..., Entry]:
+    return random_entry
+
+
+@pytest.fixture(name="assert_same", scope="session")
+def _assert_same() -> Callable[[Entry, Entry], None]:
+    return assert_same
