@@ -1,0 +1,26 @@
+"""What every command has: the options --json and --debug, and a `run` that does the work."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+if TYPE_CHECKING:
+    from kpred.cli.output import Output
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """One command of the command line; its fields are its options."""
+
+    json: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Print the result as JSON on standard output, all else on standard error"""
+    debug: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Show the traceback of an error"""
+
+    @abstractmethod
+    def run(self, output: Output) -> None:
+        """Do the work and print its result. Raises KpredError for what the user can mend."""

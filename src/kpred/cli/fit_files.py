@@ -1,0 +1,77 @@
+"""The files of a fit (mesh, record, picture) and what is printed about it; shared by `fit` and `demo`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kpred import __version__
+from kpred.cli.output import Output, plain
+from kpred.errors import OutputError
+
+if TYPE_CHECKING:
+    from kpred.fitting import Fit
+
+
+def check_output(path: Path, scan: Path) -> None:
+    """Refuse an output file before any work is done for it.
+
+    Raises:
+        OutputError: unknown extension, no such folder, or a file of the fit would overwrite the scan.
+    """
+    from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
+
+    if path.suffix.lower() not in OUTPUT_EXTENSIONS:
+        known = ", ".join(OUTPUT_EXTENSIONS)
+        raise OutputError(f"Cannot write {path}: unknown extension {path.suffix!r}; use one of {known}.")
+    if not path.parent.is_dir():
+        raise OutputError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
+    if any(file.exists() and scan.exists() and file.samefile(scan) for file in _files(path)):
+        raise OutputError(f"Cannot write {path}: it would overwrite the scan {scan}; choose another name.")
+
+
+def write_files(fit: Fit, scan: np.ndarray, path: Path, *, scan_path: Path, picture: bool = True) -> list[Path]:
+    """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
+
+    Raises:
+        OutputError: a file cannot be written there.
+    """
+    from kpred.shapes import write_mesh
+    from kpred.shapes.atomic import atomic_path
+
+    mesh_file, record_file, picture_file = _files(path)
+    write_mesh(mesh_file, fit.mesh)
+    record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
+    with atomic_path(record_file) as temporary:
+        temporary.write_text(json.dumps(plain(record), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    written = [mesh_file, record_file]
+    if picture:
+        from kpred.fitting.picture import save_picture
+
+        if save_picture(fit, scan, picture_file):
+            written.append(picture_file)
+    return written
+
+
+def describe(output: Output, fit: Fit, files: list[Path]) -> None:
+    """Print what was chosen, how well it fits, how long it took and which files were written."""
+    output.result({**fit.to_json(), "files": files})
+    rows: list[tuple[str, Any, str]] = [
+        ("model", fit.source.model_id, ""),
+        ("category", fit.source.category, ""),
+        ("candidates compared", len(fit.candidates), ""),
+        ("triangles", len(fit.mesh.faces), ""),
+        ("size", " x ".join(f"{side:.3g}" for side in np.ptp(fit.mesh.bounds, axis=0)), "units of the scan"),
+        *((metric.name, metric.value, f"{metric.unit}, {metric.frame}") for metric in fit.metrics),
+        ("time", f"{1000 * sum(fit.timings.values()):.0f}", "ms"),
+    ]
+    output.table("fit", ["", "value", "unit"], rows)
+    for file in files:
+        output.note(f"wrote {file}")
+
+
+def _files(path: Path) -> tuple[Path, Path, Path]:
+    return path, path.with_suffix(".json"), path.with_suffix(".png")

@@ -1,0 +1,156 @@
+"""The command `kpred`: finds the command, parses its options, and turns errors into one sentence and an exit code.
+
+Exit codes: 0 done, 1 an error that the sentence on standard error explains, 2 wrong use, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, TextIO
+
+from kpred.cli.usage import UsageError
+from kpred.errors import KpredError
+
+if TYPE_CHECKING:
+    from kpred.cli.command import Command
+
+COMMANDS = {
+    "fit": "Fit a CAD model to a scan: mesh, record and picture.",
+    "demo": "Fit the bundled sample scan with the bundled models.",
+    "database": "Build, change, search and describe a database of CAD models.",
+    "data": "Generate synthetic furniture; describe mesh packs.",
+    "train": "Train the networks of one category, stage by stage.",
+    "evaluate": "Measure a model on a mesh pack against the nearest undeformed shapes.",
+    "info": "Show versions, bundled models and the bundled database.",
+}
+"""Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is asked for."""
+
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+_EXAMPLES = """\
+examples:
+  kpred demo
+  kpred fit chair.ply -o chair.obj
+  kpred database build meshes/ -o mine.kpred
+  kpred fit chair.ply -o chair.glb --database mine.kpred --category chair"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help"):
+        print(_help(), file=sys.stdout if words else sys.stderr)
+        return OK if words else USAGE
+    if words[0] in ("-V", "--version"):
+        from kpred import __version__
+
+        print(f"kpred {__version__}")
+        return OK
+    if words[0] not in COMMANDS:
+        return _unknown(words[0], "kpred", COMMANDS)
+    debug = "--debug" in words
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            if not debug:
+                warnings.simplefilter("ignore", DeprecationWarning)
+                warnings.simplefilter("ignore", FutureWarning)
+            return _run(words[0], words[1:])
+    except KeyboardInterrupt:
+        print("kpred: stopped by Ctrl-C", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say, nor anyone to hear it
+        return FAILED
+    except SystemExit as error:
+        return error.code if isinstance(error.code, int) else OK if error.code is None else FAILED
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        else:
+            print(f"kpred: {_sentence(error)}", file=sys.stderr)
+        return USAGE if isinstance(error, UsageError) else FAILED
+
+
+def _run(name: str, words: list[str]) -> int:
+    import tyro
+
+    from kpred.cli.output import Output
+
+    found: type[Command] | dict[str, type[Command]] = import_module(f"kpred.cli.{name}").COMMAND
+    if isinstance(found, dict):
+        lines = {word: (kind.__doc__ or "").partition("\n")[0] for word, kind in found.items()}
+        if not words or words[0] in ("-h", "--help"):
+            text = f"usage: kpred {name} COMMAND [options]\n\n{COMMANDS[name]}\n\n{_list(lines)}\n\n"
+            text += f"`kpred {name} COMMAND --help` shows options and examples."
+            print(text, file=sys.stdout if words else sys.stderr)
+            return OK if words else USAGE
+        if words[0] not in found:
+            return _unknown(words[0], f"kpred {name}", found)
+        name, kind, words = f"{name} {words[0]}", found[words[0]], words[1:]
+    else:
+        kind = found
+    command = tyro.cli(
+        kind,
+        prog=f"kpred {name}",
+        args=words,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
+    )
+    command.run(Output(as_json=command.json))
+    return OK
+
+
+def _sentence(error: Exception) -> str:
+    """What went wrong, on one line, and how to mend it."""
+    if isinstance(error, KpredError | UsageError):
+        text = str(error)
+    elif isinstance(error, OSError):
+        where = error.filename if error.filename is not None else "a file"
+        text = f"{where}: {error.strerror or error}; make room, or choose a place that can be read and written"
+    elif isinstance(error, MemoryError):
+        text = "not enough memory; give a smaller input"
+    else:
+        text = f"unexpected {type(error).__name__}: {error}; run again with --debug and report what it shows"
+    return " ".join(text.split())
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    print(f"kpred: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+def _help() -> str:
+    return (
+        "usage: kpred COMMAND [options]\n\n"
+        "Scan in, CAD mesh out: retrieve a CAD model for a scan and deform it to match.\n\n"
+        f"{_list(COMMANDS)}\n\n{_EXAMPLES}\n\n"
+        "`kpred COMMAND --help` shows a command's options; every command takes --json and --debug."
+    )
+
+
+def _list(lines: Mapping[str, str]) -> str:
+    width = max(map(len, lines))
+    return "\n".join(["commands:", *(f"  {name:<{width}}  {text}" for name, text in lines.items())])
+
+
+def _unknown(word: str, program: str, commands: Iterable[str]) -> int:
+    import difflib
+
+    near = difflib.get_close_matches(word, list(commands), n=1)
+    hint = f"did you mean `{program} {near[0]}`?" if near else f"`{program} --help` lists the commands."
+    print(f"kpred: there is no command {word!r}; {hint}", file=sys.stderr)
+    return USAGE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

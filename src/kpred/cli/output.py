@@ -1,0 +1,85 @@
+"""Where a command prints: results for people or as JSON, notes and progress beside them."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+class Output:
+    """Standard output belongs to the result: text and tables for people, or one JSON value with ``--json``.
+
+    With ``--json`` everything for people goes to standard error instead, so that standard output can be piped.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self.as_json = as_json
+        self._people: Console | None = None
+
+    @property
+    def people(self) -> Console:
+        """The console for people: standard output, or standard error with ``--json``."""
+        if self._people is None:
+            from rich.console import Console
+
+            self._people = Console(stderr=self.as_json, highlight=False, soft_wrap=True)
+        return self._people
+
+    def note(self, text: str) -> None:
+        """A line for people; plain text, no markup."""
+        self.people.print(text, markup=False)
+
+    def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+        """A table for people; columns that hold numbers only are set flush right."""
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        body = [list(row) for row in rows]
+        table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        for number, name in enumerate(columns):
+            numeric = bool(body) and all(isinstance(row[number], int | float) for row in body)
+            table.add_column(Text(name), justify="right" if numeric else "left", overflow="fold")
+        for row in body:
+            table.add_row(*(Text(_shown(cell)) for cell in row))
+        self.people.print(table)
+
+    def result(self, value: Any) -> None:
+        """The machine-readable result: printed with ``--json``, else left to the tables."""
+        if self.as_json:
+            json.dump(plain(value), sys.stdout, indent=2, allow_nan=False)
+            sys.stdout.write("\n")
+            sys.stdout.flush()
+
+
+def plain(value: Any) -> Any:
+    """`value` in JSON's own types: dataclasses, arrays and tensors, paths; NaN and infinity become null."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    elif hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int | bool):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+
+def _shown(cell: object) -> str:
+    if isinstance(cell, float):
+        return f"{cell:.4g}"
+    return "" if cell is None else str(cell)
