@@ -98,8 +98,8 @@ def handle(style: FrontStyle, x: float, y: float, z: float, upright: bool, room:
     if style.handle == "knob":
         radius = min(0.016 * size, room * 0.3)
         return [
-            cylinder(radius * 0.5, (x, y, z - 0.002), (x, y, z + 0.016), "handle", sides=8),
-            cylinder(radius * 0.8, (x, y, z + 0.015), (x, y, z + 0.03), "handle", sides=10, end_radius=radius),
+            cylinder(radius * 0.5, (x, y, z - 0.002), (x, y, z + 0.016), "handle", sides=6),
+            cylinder(radius * 0.8, (x, y, z + 0.015), (x, y, z + 0.03), "handle", sides=8, end_radius=radius),
         ]
     if style.handle == "square_knob":
         edge = min(0.03 * size, room * 0.5)
@@ -121,9 +121,9 @@ def handle(style: FrontStyle, x: float, y: float, z: float, upright: bool, room:
     feet = [at + along * length * 0.42 * side for side in (-1, 1)]
     out = np.array([0.0, 0.0, reach])
     if style.handle == "rod":
-        posts = [cylinder(0.004, foot - [0, 0, 0.002], foot + out, "handle", sides=6) for foot in feet]
+        posts = [cylinder(0.004, foot - [0, 0, 0.002], foot + out, "handle", sides=4) for foot in feet]
         return posts + [
-            cylinder(0.006, at + out - along * length / 2, at + out + along * length / 2, "handle", sides=8)
+            cylinder(0.006, at + out - along * length / 2, at + out + along * length / 2, "handle", sides=6)
         ]
     posts = [box((0.01, 0.01, reach), tuple(foot + out / 2 - [0, 0, 0.001]), "handle") for foot in feet]
     extent = np.array([0.013, 0.013, 0.008]) + along * length
@@ -137,9 +137,9 @@ def panel(style: FrontStyle, bounds: tuple[float, float, float, float, float], l
     x, y, z = (left + right) / 2, (bottom + top) / 2, rear + thick / 2
     rim = min(0.07, 0.28 * min(width, height))
     if style.panel in ("framed", "glass", "slatted") and min(width, height) > 0.1:
-        parts = [
-            box((rim, height, thick), (x + side * (width - rim) / 2, y, z), label) for side in (-1, 1)
-        ] + [box((width - 2 * rim, rim, thick), (x, y + side * (height - rim) / 2, z), label) for side in (-1, 1)]
+        parts = [box((rim, height, thick), (x + side * (width - rim) / 2, y, z), label) for side in (-1, 1)] + [
+            box((width - 2 * rim, rim, thick), (x, y + side * (height - rim) / 2, z), label) for side in (-1, 1)
+        ]
         inner = (width - 2 * rim, height - 2 * rim)
         if style.panel == "slatted":
             count = max(2, min(7, int(inner[1] / 0.05)))
@@ -229,7 +229,7 @@ def drawers(
         for index, cell in enumerate(row.columns([1 / columns] * columns)):
             if index:
                 parts.append(upright_board(cell, cell.left))
-            wide = cell.width > 0.55 and style.handle in ("knob", "square_knob", "cup", "bar", "rod")
+            wide = cell.width > 0.55 and rows * columns < 9 and style.handle in ("knob", "square_knob", "cup", "bar", "rod")
             parts += drawer(cell, style, pulls=2 if wide else 1)
     return parts
 

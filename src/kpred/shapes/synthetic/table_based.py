@@ -30,7 +30,10 @@ def column(rng: np.random.Generator, head: float, foot: float, center: tuple[flo
         return [cylinder(foot, (x, 0, z), (x, head, z), "column", 20, foot * between(rng, 0.25, 1.0))]
     if kind == "flare":
         steps = np.linspace(0, 1, 9)
-        profile = [(float(radius + (foot - radius) * (abs(2 * t - 1) ** 3) * (1 if t < 0.5 else 0.6)), float(t * head)) for t in steps]
+        profile = [
+            (float(radius + (foot - radius) * (abs(2 * t - 1) ** 3) * (1 if t < 0.5 else 0.6)), float(t * head))
+            for t in steps
+        ]
         return [lathe(profile, (x, 0, z), "column", 20)]
     if kind == "square":
         side = 2 * radius
@@ -53,7 +56,9 @@ def column(rng: np.random.Generator, head: float, foot: float, center: tuple[flo
         if kind == "star":
             parts.append(beam((x, 0.055, z), (x + out[0], 0.02, z + out[1]), 0.05, 0.04, "foot"))
             continue
-        path = np.array([[x + out[0] * t, head * (0.26 * (1 - t) ** 1.5) + 0.02, z + out[1] * t] for t in (0, 0.25, 0.5, 0.8, 1)])
+        path = np.array(
+            [[x + out[0] * t, head * (0.26 * (1 - t) ** 1.5) + 0.02, z + out[1] * t] for t in (0, 0.25, 0.5, 0.8, 1)]
+        )
         section = np.array([(0.02, 0.03), (-0.02, 0.03), (-0.02, -0.03), (0.02, -0.03)])
         parts.append(sweep(section, path, "foot", scales=[1.2, 1.1, 1, 0.9, 0.65]))
     return parts
@@ -62,13 +67,17 @@ def column(rng: np.random.Generator, head: float, foot: float, center: tuple[flo
 def pedestal_table(rng: np.random.Generator) -> list[Part]:
     """One column under a round, square or oval top: bistro, tulip and dining tables of any height."""
     size = between(rng, 0.4, 1.5)
-    height = pick(rng, (between(rng, 0.4, 0.6), between(rng, 0.68, 0.78), between(rng, 0.7, 0.76), between(rng, 0.95, 1.1)))
+    height = pick(
+        rng, (between(rng, 0.4, 0.6), between(rng, 0.68, 0.78), between(rng, 0.7, 0.76), between(rng, 0.95, 1.1))
+    )
     thick = between(rng, 0.012, 0.045)
     depth = size / (between(rng, 1.1, 1.5) if happens(rng, 0.25) else 1.0)
     outline = pick(
         rng, (ellipse(size, depth, 32), _square(size, depth), cut_corners(size, depth, 0.29 * depth)), (4, 1.5, 1)
     )
-    return [slab(outline, height - thick, thick, "top")] + column(rng, height - thick, depth * between(rng, 0.25, 0.4), (0, 0))
+    return [slab(outline, height - thick, thick, "top")] + column(
+        rng, height - thick, depth * between(rng, 0.25, 0.4), (0, 0)
+    )
 
 
 def double_pedestal_table(rng: np.random.Generator) -> list[Part]:
@@ -86,7 +95,13 @@ def double_pedestal_table(rng: np.random.Generator) -> list[Part]:
 
 def _x_frame(x: float, head: float, span: float, wide: float, deep: float) -> list[Part]:
     return [
-        beam((x + side * wide * 0.02, 0, -side * span / 2), (x + side * wide * 0.02, head, side * span / 2), wide, deep, "leg")
+        beam(
+            (x + side * wide * 0.02, 0, -side * span / 2),
+            (x + side * wide * 0.02, head, side * span / 2),
+            wide,
+            deep,
+            "leg",
+        )
         for side in (-1, 1)
     ]
 
@@ -141,7 +156,9 @@ def x_leg_table(rng: np.random.Generator) -> list[Part]:
             parts.append(beam((-slope * span / 2, 0, at), (slope * span / 2, head, at), bar * 0.55, bar * 1.3, "leg"))
     parts.append(cylinder(bar * 0.4, (0, head / 2, -z), (0, head / 2, z), "stretcher", 10))
     for end in (-1, 1):
-        parts.append(cylinder(bar * 0.35, (end * span / 2, bar * 0.4, -z), (end * span / 2, bar * 0.4, z), "stretcher", 10))
+        parts.append(
+            cylinder(bar * 0.35, (end * span / 2, bar * 0.4, -z), (end * span / 2, bar * 0.4, z), "stretcher", 10)
+        )
     return parts
 
 
@@ -185,22 +202,30 @@ def cube_table(rng: np.random.Generator) -> list[Part]:
         return parts + [box((width - shrink, head, depth - shrink), (0, head / 2, 0), "body")]
     if form == "taper":
         grow = between(rng, 0.6, 1.0)
-        return parts + [frustum((width * 0.95, depth * 0.95), (width * grow, depth * grow), (0, 0, 0), (0, head, 0), "body")]
+        return parts + [
+            frustum((width * 0.95, depth * 0.95), (width * grow, depth * grow), (0, 0, 0), (0, head, 0), "body")
+        ]
     if form == "slats":
         count = whole(rng, 5, 9)
         for side in (-1, 1):
             for k in range(count):
                 x = -width / 2 + width * (k + 0.5) / count
-                parts.append(box((width / count * 0.6, head - 0.03, 0.02), (x, head / 2, side * (depth / 2 - 0.02)), "slat"))
+                parts.append(
+                    box((width / count * 0.6, head - 0.03, 0.02), (x, head / 2, side * (depth / 2 - 0.02)), "slat")
+                )
                 z = -depth / 2 + depth * (k + 0.5) / count
-                parts.append(box((0.02, head - 0.03, depth / count * 0.6), (side * (width / 2 - 0.02), head / 2, z), "slat"))
+                parts.append(
+                    box((0.02, head - 0.03, depth / count * 0.6), (side * (width / 2 - 0.02), head / 2, z), "slat")
+                )
         return parts + [box((width, 0.03, depth), (0, 0.015, 0), "bottom")]
     parts += [box((thick, head, depth), (side * (width - thick) / 2, head / 2, 0), "side") for side in (-1, 1)]
     parts.append(box((width - 2 * thick, thick, depth), (0, thick / 2, 0), "bottom"))
     if form == "shelf":
         parts.append(box((width - 2 * thick, thick, depth), (0, head * between(rng, 0.35, 0.65), 0), "shelf"))
     if happens(rng, 0.5):
-        parts.append(box((width - 2 * thick, head - thick, 0.012), (0, head / 2 + thick / 2, -depth / 2 + 0.006), "back"))
+        parts.append(
+            box((width - 2 * thick, head - thick, 0.012), (0, head / 2 + thick / 2, -depth / 2 + 0.006), "back")
+        )
     return parts
 
 
@@ -237,7 +262,9 @@ def tripod_table(rng: np.random.Generator) -> list[Part]:
     shift = np.pi * 0.8 if crossed else 0.0
     for angle in 2 * np.pi * np.arange(3) / 3 + np.pi / 2:
         low, high = np.array([np.cos(angle), np.sin(angle)]), np.array([np.cos(angle + shift), np.sin(angle + shift)])
-        parts.append(cylinder(rod, (low[0] * foot, 0, low[1] * foot), (high[0] * top, head, high[1] * top), "leg", 8, rod * 1.2))
+        parts.append(
+            cylinder(rod, (low[0] * foot, 0, low[1] * foot), (high[0] * top, head, high[1] * top), "leg", 8, rod * 1.2)
+        )
     if not crossed and happens(rng, 0.4):
         t = between(rng, 0.3, 0.5)
         radius = foot + (top - foot) * t
@@ -256,12 +283,17 @@ def sculpted_table(rng: np.random.Generator) -> list[Part]:
     form = pick(rng, ("ribbon", "blades", "loops", "vase", "fan"))
     deep = depth * 0.55
     if form == "ribbon":
-        turns = np.linspace(0, 1, 15)
-        x = span / 2 * np.sin(turns * 2 * np.pi * pick(rng, (0.5, 0.75, 1.0)))
-        path = np.stack([x - x.mean(), 0.012 + (head - 0.024) * turns, np.zeros_like(x)], axis=1)
-        section = np.array([(0.015, deep / 2), (-0.015, deep / 2), (-0.015, -deep / 2), (0.015, -deep / 2)])
-        parts.append(sweep(section, path, "base"))
-        parts += [box((0.3 * span, 0.025, deep), (path[k, 0], y, 0), "base") for k, y in ((0, 0.0125), (-1, head - 0.0125))]
+        rise = np.linspace(0, 1, 17)
+        middle = np.stack([np.sin(rise * 2 * np.pi * pick(rng, (0.5, 0.75, 1.0))) * span / 2, rise * head], axis=1)
+        slope = np.gradient(middle, axis=0)
+        normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1, keepdims=True)
+        outline = np.concatenate([middle + 0.018 * normal, (middle - 0.018 * normal)[::-1]])
+        outline[:, 1] = np.clip(outline[:, 1], 0, head)
+        ribbon = [slab(outline, -deep / 2, deep, "base").rotated("x", -90.0)]
+        for x, y in ((middle[0, 0], 0.01), (middle[-1, 0], head - 0.01)):
+            ribbon.append(box((0.35 * span, 0.02, deep), (float(x), y, 0), "base"))
+        shift = float((middle[0, 0] + middle[-1, 0]) / 2)
+        parts += [part.moved((-shift, 0, 0)) for part in ribbon]
     elif form == "blades":
         for angle in np.array([0.0, between(rng, 50, 110)]) + between(rng, 10, 45):
             blade = frustum((span * 0.95, 0.03), (span * between(rng, 0.4, 0.9), 0.03), (0, 0, 0), (0, head, 0), "base")
@@ -269,18 +301,39 @@ def sculpted_table(rng: np.random.Generator) -> list[Part]:
     elif form == "loops":
         for side in (-1, 1):
             for z in (-1, 1):
-                parts.append(beam((side * span * 0.15, 0, z * deep / 2), (side * span / 2, head, z * deep / 2), 0.04, 0.04, "leg"))
-                parts.append(beam((side * span * 0.5, 0, z * deep / 2), (side * span * 0.15, head, z * deep / 2), 0.04, 0.04, "leg"))
+                parts.append(
+                    beam(
+                        (side * span * 0.15, 0, z * deep / 2), (side * span / 2, head, z * deep / 2), 0.04, 0.04, "leg"
+                    )
+                )
+                parts.append(
+                    beam(
+                        (side * span * 0.5, 0, z * deep / 2),
+                        (side * span * 0.15, head, z * deep / 2),
+                        0.04,
+                        0.04,
+                        "leg",
+                    )
+                )
             parts.append(box((0.04, 0.03, deep), (side * span * 0.32, head * 0.5, 0), "stretcher"))
     elif form == "vase":
         radius = 0.3 * depth
         steps = np.linspace(0, 1, 10)
         wave = 0.55 + 0.45 * np.cos(steps * 2 * np.pi * pick(rng, (0.5, 1.0)))
-        parts.append(lathe([(float(radius * w), float(head * t)) for w, t in zip(wave + 0.1, steps, strict=True)], (0, 0, 0), "base", 24))
+        parts.append(
+            lathe(
+                [(float(radius * w), float(head * t)) for w, t in zip(wave + 0.1, steps, strict=True)],
+                (0, 0, 0),
+                "base",
+                24,
+            )
+        )
         parts.append(cylinder(radius * 0.8, (0, head - 0.012, 0), (0, head, 0), "mount", 20))
     else:
         for t in np.linspace(-1, 1, whole(rng, 4, 7)):
-            parts.append(beam((t * span * 0.12, 0, -t * deep * 0.5), (t * span / 2, head, t * deep * 0.5), 0.03, 0.05, "leg"))
+            parts.append(
+                beam((t * span * 0.12, 0, -t * deep * 0.5), (t * span / 2, head, t * deep * 0.5), 0.03, 0.05, "leg")
+            )
         parts.append(box((span * 0.4, 0.02, deep * 1.1), (0, 0.01, 0), "foot"))
     return parts
 
@@ -297,7 +350,13 @@ def c_table(rng: np.random.Generator) -> list[Part]:
         parts.append(box((long, thick, depth), (side * (width - long) / 2, thick / 2, 0), "foot"))
         return parts
     for z in (-1, 1):
-        parts.append(box((0.025, height - thick, 0.025), (side * (width / 2 - 0.0125), (height - thick) / 2, z * (depth / 2 - 0.02)), "leg"))
+        parts.append(
+            box(
+                (0.025, height - thick, 0.025),
+                (side * (width / 2 - 0.0125), (height - thick) / 2, z * (depth / 2 - 0.02)),
+                "leg",
+            )
+        )
         parts.append(box((long, 0.025, 0.025), (side * (width - long) / 2, 0.0125, z * (depth / 2 - 0.02)), "foot"))
     parts.append(box((0.025, 0.025, depth - 0.04), (side * (width / 2 - 0.0125), 0.0125, 0), "foot"))
     return parts

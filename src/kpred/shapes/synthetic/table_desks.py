@@ -40,7 +40,12 @@ def _pedestal(
         return parts + drawers(rng, front, style, whole(rng, 2, 4), graded=happens(rng, 0.4))
     if kind == "file":
         low, high = front.rows([0.6, 0.4])
-        return parts + drawers(rng, low, style, 1) + [shelf_board(high, high.bottom)] + drawers(rng, high, style, whole(rng, 1, 2))
+        return (
+            parts
+            + drawers(rng, low, style, 1)
+            + [shelf_board(high, high.bottom)]
+            + drawers(rng, high, style, whole(rng, 1, 2))
+        )
     if kind == "door":
         low, high = front.rows([0.75, 0.25])
         return parts + doors(low, style, 1) + [shelf_board(high, high.bottom)] + drawers(rng, high, style, 1)
@@ -48,7 +53,9 @@ def _pedestal(
     return parts + [shelf_board(low, low.middle[1]), shelf_board(high, high.bottom)] + drawers(rng, high, style, 1)
 
 
-def _knee_drawer(rng: np.random.Generator, style: FrontStyle, left: float, right: float, head: float, depth: float) -> list[Part]:
+def _knee_drawer(
+    rng: np.random.Generator, style: FrontStyle, left: float, right: float, head: float, depth: float
+) -> list[Part]:
     tall = between(rng, 0.08, 0.13)
     front = Opening(left, right, head - tall, head, -depth * 0.4, depth / 2, 0.016)
     return [shelf_board(front, front.bottom, "rail"), *drawers(rng, front, style, 1, 2 if right - left > 0.9 else 1)]
@@ -109,13 +116,24 @@ def writing_desk(rng: np.random.Generator) -> list[Part]:
         tall = between(rng, 0.08, 0.16)
         parts.append(box((width * 0.96, tall, 0.015), (0, height + tall / 2 - 0.001, -depth / 2 + 0.02), "gallery"))
         for end in (-1, 1):
-            parts.append(box((0.015, tall, depth * 0.4), (end * width * 0.475, height + tall / 2 - 0.001, -depth * 0.3 + 0.02), "gallery"))
+            parts.append(
+                box(
+                    (0.015, tall, depth * 0.4),
+                    (end * width * 0.475, height + tall / 2 - 0.001, -depth * 0.3 + 0.02),
+                    "gallery",
+                )
+            )
     return parts
 
 
 def hutch_desk(rng: np.random.Generator) -> list[Part]:
     """Any of the plain desks with shelves or pigeon holes on the back of its top."""
-    width, depth, height, board = between(rng, 0.9, 1.6), between(rng, 0.5, 0.75), between(rng, 0.72, 0.78), between(rng, 0.016, 0.025)
+    width, depth, height, board = (
+        between(rng, 0.9, 1.6),
+        between(rng, 0.5, 0.75),
+        between(rng, 0.72, 0.78),
+        between(rng, 0.016, 0.025),
+    )
     style, head = any_front_style(rng), height - board
     parts = [box((width, board, depth), (0, height - board / 2, 0), "top")]
     case = between(rng, 0.28, 0.42)
@@ -176,7 +194,9 @@ def l_desk(rng: np.random.Generator) -> list[Part]:
         parts.append(box((board, head, board * 2), (width / 2 - board / 2, head / 2, rear + board), "leg"))
         tall = head * between(rng, 0.4, 1.0)
         parts.append(box((width - board, tall, 0.016), (0, head - tall / 2, rear + 0.03), "panel"))
-        parts.append(box((0.016, tall, length - board), (width / 2 - 0.02, head - tall / 2, rear + length / 2), "panel"))
+        parts.append(
+            box((0.016, tall, length - board), (width / 2 - 0.02, head - tall / 2, rear + length / 2), "panel")
+        )
     if form != "legs" or happens(rng, 0.5):
         style, case = any_front_style(rng), between(rng, 0.32, 0.42)
         drawer_case = _pedestal(rng, style, -width / 2 + board, -width / 2 + board + case, head, depth * 0.94, board)
@@ -194,7 +214,9 @@ def t_leg_desk(rng: np.random.Generator) -> list[Part]:
         parts.append(box((wide * 1.1, 0.03, depth * between(rng, 0.8, 0.95)), (side * x, 0.015, 0), "foot"))
         parts.append(box((wide, 0.03, depth * 0.75), (side * x, head - 0.015, 0), "support"))
         for twin in (-0.06, 0.06) if deep > 0.11 else (0.0,):
-            parts.append(box((wide * 0.8, head - 0.05, deep * (0.6 if twin else 1.0)), (side * x, head / 2, z + twin), "column"))
+            parts.append(
+                box((wide * 0.8, head - 0.05, deep * (0.6 if twin else 1.0)), (side * x, head / 2, z + twin), "column")
+            )
     form = pick(rng, ("beam", "panel", "both"))
     if form != "panel":
         parts.append(box((2 * x, 0.05, 0.04), (0, head - 0.035, z), "beam"))
@@ -230,7 +252,9 @@ def panel_desk(rng: np.random.Generator) -> list[Part]:
         z = -depth / 2 + deep / 2
         wide = width * pick(rng, (1.0, 0.55))
         parts.append(box((wide, 0.018, deep), (0, height + rise, z), "top_shelf"))
-        parts += [box((0.018, rise, deep), (side * (wide / 2 - 0.009), height + rise / 2, z), "side") for side in (-1, 1)]
+        parts += [
+            box((0.018, rise, deep), (side * (wide / 2 - 0.009), height + rise / 2, z), "side") for side in (-1, 1)
+        ]
     return parts
 
 
@@ -276,7 +300,9 @@ def ping_pong_table(rng: np.random.Generator) -> list[Part]:
         parts.append(box((0.03, 0.03, 2 * z), (side * x, 0.15, 0), "stretcher"))
     if happens(rng, 0.8):
         parts.append(box((0.008, 0.15, depth + 0.25), (0, height + 0.074, 0), "net"))
-        parts += [box((0.03, 0.2, 0.02), (0, height + 0.05, side * (depth / 2 + 0.008)), "net_post") for side in (-1, 1)]
+        parts += [
+            box((0.03, 0.2, 0.02), (0, height + 0.05, side * (depth / 2 + 0.008)), "net_post") for side in (-1, 1)
+        ]
     return parts
 
 
@@ -286,7 +312,13 @@ def drafting_table(rng: np.random.Generator) -> list[Part]:
     tilt = between(rng, 5, 30)
     low = height - depth / 2 * np.sin(np.radians(tilt))
     top = box((width, thick, depth), (0, 0, 0), "top").rotated("x", tilt).moved((0, height, 0))
-    parts = [top, box((width * 0.9, 0.03, 0.02), (0, 0, 0), "ledge").moved((0, 0.015, depth / 2 - 0.01)).rotated("x", tilt).moved((0, height, 0))]
+    parts = [
+        top,
+        box((width * 0.9, 0.03, 0.02), (0, 0, 0), "ledge")
+        .moved((0, 0.015, depth / 2 - 0.01))
+        .rotated("x", tilt)
+        .moved((0, height, 0)),
+    ]
     x, bar = width * between(rng, 0.33, 0.45), between(rng, 0.03, 0.05)
     # Uprights end inside the tilted board, so that it rests on all four of them.
     for side in (-1, 1):
@@ -301,19 +333,30 @@ def drafting_table(rng: np.random.Generator) -> list[Part]:
 
 def open_bay_desk(rng: np.random.Generator) -> list[Part]:
     """A top on a shelf case at one side (bays open to +z) and legs or trestles at the other."""
-    width, depth, height, thick = between(rng, 1.1, 1.8), between(rng, 0.5, 0.75), between(rng, 0.71, 0.78), between(rng, 0.02, 0.045)
+    width, depth, height, thick = (
+        between(rng, 1.1, 1.8),
+        between(rng, 0.5, 0.75),
+        between(rng, 0.71, 0.78),
+        between(rng, 0.02, 0.045),
+    )
     head, board, case = height - thick, 0.018, between(rng, 0.3, 0.45)
     left = -width / 2
     front = Opening(left + board / 2, left + case - board / 2, board / 2, head, -depth / 2, depth / 2, board)
     parts = [box((width, thick, depth), (0, height - thick / 2, 0), "top")]
-    parts += [upright_board(front, front.left, "side"), upright_board(front, front.right, "side"), shelf_board(front, front.bottom, "bottom")]
+    parts += [
+        upright_board(front, front.left, "side"),
+        upright_board(front, front.right, "side"),
+        shelf_board(front, front.bottom, "bottom"),
+    ]
     rows = front.rows([1 / 3] * 3) if happens(rng, 0.6) else front.rows([0.5, 0.5])
     parts += [shelf_board(row, row.bottom) for row in rows[1:]]
     if happens(rng, 0.4):
         parts += drawers(rng, rows[-1], any_front_style(rng), 1)
     x, z = width / 2 - 0.06, depth / 2 - 0.05
     if happens(rng, 0.5):
-        parts += leg_set(LegStyle(pick(rng, ("square", "round", "hairpin")), 0.045, 0.7, 0.0, 0.7), [(x, z), (x, -z)], head)
+        parts += leg_set(
+            LegStyle(pick(rng, ("square", "round", "hairpin")), 0.045, 0.7, 0.0, 0.7), [(x, z), (x, -z)], head
+        )
     else:
         parts += [beam((x, 0, s * z), (x, head, s * z * 0.25), 0.035, 0.045, "leg") for s in (-1, 1)]
         parts.append(box((0.03, 0.04, z * 1.4), (x, head * 0.3, 0), "support"))
@@ -324,8 +367,7 @@ def counter_desk(rng: np.random.Generator) -> list[Part]:
     """A reception desk: a bowed panel at the back carries a bowed top; the sitter's side (+z) is open."""
     width, height, thick = between(rng, 1.3, 2.2), between(rng, 0.72, 1.05), between(rng, 0.02, 0.05)
     depth, head = width * between(rng, 0.3, 0.42), height - thick
-    rim = superellipse(width, 2 * depth, between(rng, 2.0, 3.5), 40)
-    rim = rim[rim[:, 1] <= 1e-9]
+    rim = superellipse(width, 2 * depth, between(rng, 2.0, 3.5), 40)[[*range(20, 40), 0]]
     # A crescent has room for the knees; a half moon is closed straight.
     inner = rim[::-1] * np.array([0.55, 0.4]) if happens(rng, 0.5) else np.zeros((0, 2))
     wall = rim * 0.95

@@ -52,7 +52,9 @@ def round_table(rng: np.random.Generator) -> list[Part]:
     if happens(rng, 0.4) and style.kind != "hairpin":
         tall = between(rng, 0.04, 0.1)
         for (ax, az), (bx, bz) in zip(spots, spots[1:] + spots[:1], strict=True):
-            parts.append(beam((ax, height - thick - tall / 2, az), (bx, height - thick - tall / 2, bz), 0.02, tall, "apron"))
+            parts.append(
+                beam((ax, height - thick - tall / 2, az), (bx, height - thick - tall / 2, bz), 0.02, tall, "apron")
+            )
     if happens(rng, 0.3) and style.splay == 0:
         parts.append(slab(ellipse(radius * 2.1, radius * 2.1, 24), height * between(rng, 0.2, 0.4), 0.02, "shelf"))
     return parts
@@ -114,9 +116,7 @@ def bar_table(rng: np.random.Generator) -> list[Part]:
     inset = between(rng, 0.01, 0.06)
     wide, deep = width - 2 * inset, depth - 2 * inset
     parts = tabletop(rng, width, depth, height, thick, pick(rng, ("rectangle", "rounded", "planks", "bevelled")))
-    parts += four_legs(
-        rng, wide, deep, height - thick, style, between(rng, 0.05, 0.12) if happens(rng, 0.6) else 0.0
-    )
+    parts += four_legs(rng, wide, deep, height - thick, style, between(rng, 0.05, 0.12) if happens(rng, 0.6) else 0.0)
     rest = height * between(rng, 0.2, 0.3)
     grow = style.splay * (1 - rest / height) * np.sqrt(2.0)
     w, d = wide - style.thickness + grow, deep - style.thickness + grow
@@ -151,7 +151,7 @@ def nesting_tables(rng: np.random.Generator) -> list[Part]:
     height, thick = between(rng, 0.45, 0.6), between(rng, 0.015, 0.03)
     style = any_leg_style(rng, height, ("square", "round", "tapered"))
     style = LegStyle(style.kind, between(rng, 0.025, 0.04), style.taper, 0.0, style.waist)
-    pulled = between(rng, 0.0, 0.35)
+    pulled, aside = between(rng, 0.0, 0.5), between(rng, 0.0, 0.5) if happens(rng, 0.5) else 0.0
     parts: list[Part] = []
     for step in range(count):
         w, d = width - step * 2.6 * style.thickness, depth - step * 0.02
@@ -164,15 +164,15 @@ def nesting_tables(rng: np.random.Generator) -> list[Part]:
                 box((0.015, rail, d * 0.9), (side * (w / 2 - 0.02), h + rail / 2 - 0.001, 0), "runner")
                 for side in (-1, 1)
             ]
-        parts += [part.moved((0, 0, step * pulled * depth)) for part in nested]
+        parts += [part.moved((step * aside * width, 0, step * pulled * depth * (aside == 0))) for part in nested]
     return long_side_front(parts)
 
 
 def picnic_table(rng: np.random.Generator) -> list[Part]:
     """A plank top and two benches on A-frames of slanted legs."""
-    width, depth = between(rng, 1.4, 2.4), between(rng, 0.62, 0.82)
+    width, depth = between(rng, 1.6, 2.5), between(rng, 0.6, 0.78)
     height, seat = between(rng, 0.7, 0.78), between(rng, 0.42, 0.47)
-    thick, reach = between(rng, 0.03, 0.045), between(rng, 0.52, 0.75)
+    thick, reach = between(rng, 0.03, 0.045), between(rng, 0.5, 0.62)
     parts = tabletop(rng, width, depth, height, thick, "planks")
     foot = depth / 2 + between(rng, 0.0, 0.25)
     for side in (-1, 1):
@@ -230,9 +230,7 @@ def drawer_side_table(rng: np.random.Generator) -> list[Part]:
     parts += four_legs(rng, wide, deep, floor + 0.01, style, shelf=low)
     board = 0.018
     parts.append(box((wide, board, deep), (0, floor + board / 2, 0), "bottom"))
-    parts += [
-        box((board, case, deep), (side * (wide - board) / 2, floor + case / 2, 0), "side") for side in (-1, 1)
-    ]
+    parts += [box((board, case, deep), (side * (wide - board) / 2, floor + case / 2, 0), "side") for side in (-1, 1)]
     parts.append(box((wide, case, 0.01), (0, floor + case / 2, -deep / 2 + 0.005), "back"))
     front = Opening(-wide / 2 + board / 2, wide / 2 - board / 2, floor + board / 2, height - thick,
                     -deep / 2, deep / 2, board)  # fmt: skip
