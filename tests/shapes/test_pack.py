@@ -16,7 +16,9 @@ def random_mesh(rng: np.random.Generator, vertices: int, faces: int, parts: bool
     )
 
 
-def a_pack(seed: int = 0, count: int = 3, parts: bool = False, category: str = "chair", **extra: np.ndarray) -> MeshPack:
+def a_pack(
+    seed: int = 0, count: int = 3, parts: bool = False, category: str = "chair", **extra: np.ndarray
+) -> MeshPack:
     rng = np.random.default_rng(seed)
     meshes = [random_mesh(rng, 5 + i, 4 + i, parts) for i in range(count)]
     ids = [f"m{seed}_{i}" for i in range(count)]
@@ -55,9 +57,7 @@ def test_saving_twice_gives_the_same_bytes(tmp_path):
 
 def test_category_of_a_file_without_one_is_its_stem(tmp_path):
     pack = a_pack()
-    arrays = {
-        k: getattr(pack, k) for k in ("vertices", "faces", "vertex_offsets", "face_offsets", "model_id", "split")
-    }
+    arrays = {k: getattr(pack, k) for k in ("vertices", "faces", "vertex_offsets", "face_offsets", "model_id", "split")}
     np.savez(tmp_path / "table.npz", **arrays)
     assert MeshPack.load(tmp_path / "table.npz").category == "table"
 

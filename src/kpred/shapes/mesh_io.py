@@ -13,6 +13,7 @@ from kpred.errors import MeshError, OutputError
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.obj import obj_lines, read_obj
+from kpred.shapes.off import off_lines, read_off
 
 if TYPE_CHECKING:
     import trimesh
@@ -74,6 +75,11 @@ def read_geometry(path: Path) -> Geometry:
     try:
         if extension == ".obj":
             return Geometry(*read_obj(path))
+        if extension == ".off":
+            vertices, faces = read_off(path)
+            return Geometry(vertices, faces, np.zeros(len(faces), dtype=np.int64))
+        if extension == ".stl":
+            _check_stl_end(path)
         return _read_with_trimesh(path)
     except OSError as error:
         reason = error.strerror or str(error)
@@ -104,6 +110,19 @@ def _read_with_trimesh(path: Path) -> Geometry:
     return _welded(geometry) if path.suffix.lower() == ".stl" else geometry
 
 
+def _check_stl_end(path: Path) -> None:
+    """The STL parser takes what is there, so whether a file is whole has to be seen before."""
+    size = path.stat().st_size
+    with open(path, "rb") as stream:
+        head = stream.read(84)
+        stream.seek(max(0, size - 1024))
+        tail = stream.read()
+    if len(head) == 84 and size >= 84 + 50 * int.from_bytes(head[80:], "little"):
+        return
+    if not (head.lstrip()[:5].lower() == b"solid" and b"endsolid" in tail.lower()):
+        raise MeshError(f"{path}: it is not a whole STL file (damaged or cut short); copy or export it again.")
+
+
 def _placed(scene: Any) -> Any:
     """Yield vertices and faces of each geometry as often as the scene shows it, with its transform applied."""
     for node in sorted(scene.graph.nodes_geometry):
@@ -122,6 +141,8 @@ def _placed(scene: Any) -> Any:
 
 def _welded(geometry: Geometry) -> Geometry:
     """Join vertices at exactly the same place: an STL repeats every vertex in each of its faces."""
+    if not len(geometry.vertices):
+        return geometry
     vertices = geometry.vertices + 0.0  # -0.0 becomes 0.0
     order = np.lexsort(vertices.T)
     ordered = vertices[order]
@@ -159,7 +180,10 @@ def write_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trim
     with atomic_path(file) as temporary:
         if isinstance(mesh, Mesh) and extension in (".obj", ".off"):
             with open(temporary, "x", encoding="ascii", newline="\n") as stream:
-                stream.writelines(_text_lines(mesh, extension))
+                if extension == ".obj":
+                    stream.writelines(obj_lines(mesh.vertices, mesh.faces, mesh.face_parts))
+                else:
+                    stream.writelines(off_lines(mesh.vertices, mesh.faces))
             return
         try:
             data = _export(mesh, extension.removeprefix("."))
@@ -167,17 +191,6 @@ def write_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trim
             raise OutputError(f"Cannot write {file}: the mesh cannot be held by {extension}; use .ply.") from error
         with open(temporary, "xb") as binary:
             binary.write(data)
-
-
-def _text_lines(mesh: Mesh, extension: str) -> Any:
-    if extension == ".obj":
-        yield from obj_lines(mesh.vertices, mesh.faces, mesh.face_parts)
-        return
-    yield f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n"
-    for x, y, z in mesh.vertices.tolist():
-        yield f"{x:.9g} {y:.9g} {z:.9g}\n"
-    for a, b, c in mesh.faces.tolist():
-        yield f"3 {a} {b} {c}\n"
 
 
 def _export(mesh: Mesh | trimesh.Trimesh | trimesh.Scene, kind: str) -> bytes:

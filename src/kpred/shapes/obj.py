@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import MeshError
-from kpred.shapes.polygon import split_polygon, split_quads
+from kpred.shapes.polygon import triangulate
 
 
 def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -65,7 +65,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     indices = np.array(corners, dtype=np.int64)
     if len(indices) and indices.max() >= len(vertices):
         raise MeshError(f"{path}: a face names a vertex that is not there (file cut short?); export the mesh again.")
-    faces, polygon = _triangles(vertices, indices, np.array(sizes, dtype=np.int64))
+    faces, polygon = triangulate(vertices, indices, np.array(sizes, dtype=np.int64))
     return vertices, faces, np.array(parts, dtype=np.int64)[polygon]
 
 
@@ -92,20 +92,3 @@ def _logical_lines(stream: Iterable[bytes]) -> Iterator[tuple[int, bytes]]:
             continue
         held = b""
         yield number, line.replace(b"\t", b" ", 1) if b"\t" in line else line
-
-
-def _triangles(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles in the order of the file, and the polygon each one comes from."""
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    three, four = np.flatnonzero(sizes == 3), np.flatnonzero(sizes == 4)
-    blocks = [corners[starts[three][:, None] + np.arange(3)]]
-    origins = [three]
-    blocks.append(split_quads(vertices, corners[starts[four][:, None] + np.arange(4)]))
-    origins.append(np.repeat(four, 2))
-    for polygon in np.flatnonzero(sizes > 4):
-        cut = split_polygon(vertices, corners[starts[polygon] : starts[polygon + 1]].tolist())
-        blocks.append(np.array(cut, dtype=np.int64))
-        origins.append(np.full(len(cut), polygon))
-    origin = np.concatenate(origins)
-    order = np.argsort(origin, kind="stable")
-    return np.concatenate(blocks)[order], origin[order]

@@ -7,6 +7,32 @@ import numpy as np
 _LARGEST_CLIPPED = 1000
 
 
+def triangulate(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cut many polygons into triangles, in their order.
+
+    Args:
+        vertices: (V, 3).
+        corners: vertex indices of all polygons, one after the other.
+        sizes: number of corners of each polygon.
+
+    Returns:
+        (F, 3) triangles and (F,) the polygon each one comes from; polygons of fewer than 3 corners give none.
+    """
+    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    three, four = np.flatnonzero(sizes == 3), np.flatnonzero(sizes == 4)
+    blocks = [corners[starts[three][:, None] + np.arange(3)]]
+    origins = [three]
+    blocks.append(split_quads(vertices, corners[starts[four][:, None] + np.arange(4)]))
+    origins.append(np.repeat(four, 2))
+    for polygon in np.flatnonzero(sizes > 4):
+        cut = split_polygon(vertices, corners[starts[polygon] : starts[polygon + 1]].tolist())
+        blocks.append(np.array(cut, dtype=np.int64))
+        origins.append(np.full(len(cut), polygon))
+    origin = np.concatenate(origins)
+    order = np.argsort(origin, kind="stable")
+    return np.concatenate(blocks)[order], origin[order]
+
+
 def split_quads(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """(Q, 4) vertex indices -> (2 Q, 3) triangles, those of quad i in rows 2 i and 2 i + 1.
 
