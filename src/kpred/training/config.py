@@ -1,0 +1,105 @@
+"""Settings of the three training stages (paper Sec. 4, implementation details; schedule of the published configs)."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from kpred.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class StageConfig:
+    """One stage's optimisation.
+
+    Attributes:
+        steps: optimiser steps.
+        batch: source/target pairs a step.
+        learning_rate: Adam's base rate.
+        schedule: `constant`, or `cosine` decay to 2 % of the base rate.
+    """
+
+    steps: int = 10_000
+    batch: int = 16
+    learning_rate: float = 1e-3
+    schedule: Literal["constant", "cosine"] = "cosine"
+
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.batch < 2:
+            raise ConfigError(f"A stage needs at least 1 step and a batch of 2, but has {self.steps} and {self.batch}.")
+        if not self.learning_rate > 0:
+            raise ConfigError(f"The learning rate must be positive, but is {self.learning_rate}.")
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """All of a category's training.
+
+    Attributes:
+        deformation, retrieval, partial: the three stages, run in this order.
+        points: points of each cloud in a step (the fit itself uses 2048).
+        keypoint_points: of these, how many the keypoint predictors see.
+        warmup: first steps of the deformation stage with the keypoint loss alone; without them the tokens of all
+            regions start out equal and the encoder's gradients explode.
+        keypoint_weight, keypoint_weight_late, late_step: lambda_kpt before and after `late_step`.
+        spread_samples: farthest-point samples that the keypoints are drawn to.
+        consistency_weight: asks that a deformed source has the keypoints it was deformed to (0 in the paper).
+        ranking_weight: asks that token distances order sources as their deformation errors do (0 in the paper).
+        partial_keypoint_weight: lambda_wkpt.
+        partial_token_weight: tokens of a partial cloud toward those of the full shape, weighted by confidence.
+        occlusion: least and greatest share of a target hidden in the partial stage.
+        stretch: targets are scaled per axis by up to this factor and put back in their unit box (1 is off).
+        noise: standard deviation of the jitter on partial clouds, unit-box units.
+        seed: of everything random.
+        checkpoint_every: steps between checkpoints.
+        precision: `float32`, or `bfloat16` autocast of the networks (CUDA).
+        compile: torch.compile the networks (CUDA).
+    """
+
+    deformation: StageConfig = field(default_factory=StageConfig)
+    retrieval: StageConfig = field(default_factory=lambda: StageConfig(learning_rate=1e-3, batch=32))
+    partial: StageConfig = field(default_factory=StageConfig)
+    points: int = 1024
+    keypoint_points: int = 512
+    warmup: int = 200
+    keypoint_weight: float = 2.0
+    keypoint_weight_late: float = 0.1
+    late_step: int = 1000
+    spread_samples: int = 24
+    consistency_weight: float = 0.2
+    ranking_weight: float = 0.05
+    partial_keypoint_weight: float = 20.0
+    partial_token_weight: float = 1.0
+    occlusion: tuple[float, float] = (0.25, 0.9)
+    stretch: float = 1.3
+    noise: float = 0.01
+    seed: int = 0
+    checkpoint_every: int = 200
+    precision: Literal["float32", "bfloat16"] = "float32"
+    compile: bool = False
+
+    def __post_init__(self) -> None:
+        if self.points < 64:
+            raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
+        if not 0 <= self.occlusion[0] <= self.occlusion[1] < 1:
+            raise ConfigError(f"Occlusion must be two shares in [0, 1), low then high, but is {self.occlusion}.")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for checkpoints and records."""
+        return dataclasses.asdict(self)
+
+
+PAPER = TrainConfig(
+    deformation=StageConfig(schedule="constant"),
+    retrieval=StageConfig(learning_rate=1e-2, batch=16, schedule="constant"),
+    partial=StageConfig(schedule="constant"),
+    points=2048,
+    keypoint_points=2048,
+    consistency_weight=0.0,
+    ranking_weight=0.0,
+    partial_token_weight=0.0,
+    stretch=1.0,
+    noise=0.0,
+)
+"""The published losses and schedule, at the length of the released configs (10,000 steps a stage)."""

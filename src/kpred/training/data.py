@@ -1,0 +1,156 @@
+"""Training data: from mesh packs to clouds, cages and mean value coordinates, computed once and kept on the device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from kpred.errors import MeshError, PackError
+from kpred.nn import KPRed
+from kpred.ops import icosphere, mean_value_coordinates, sample_surface, unit_box_frame
+from kpred.ops.typing import Float
+from kpred.shapes.pack import MeshPack
+
+POOL_POINTS = 4096
+"""Points kept per shape; every step draws its targets from them."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with (what is being done, done, total)."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """Shapes of one category in their unit boxes, with the constants that depend on each shape alone.
+
+    Attributes:
+        pool: (shapes, POOL_POINTS, 3) surface points.
+        sources: indices of the shapes that are deformed; targets: those that are deformed to.
+        points: (sources, P, 3) the fixed points of each source.
+        cages: (sources, cage vertices, 3); weights: (sources, P, cage vertices) mean value coordinates, half precision.
+    """
+
+    pool: Tensor
+    sources: Tensor
+    targets: Tensor
+    points: Tensor
+    cages: Tensor
+    weights: Tensor
+
+    @property
+    def device(self) -> torch.device:
+        """Where all of it lies."""
+        return self.pool.device
+
+    def draw_targets(
+        self, count: int, points: int, stretch: float, generator: torch.Generator
+    ) -> Float[Tensor, "count points 3"]:
+        """Random targets: fresh points from the pool, mirrored and stretched at random, in their own unit boxes."""
+        chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
+        clouds = self.pool[chosen]
+        pick = torch.rand(count, POOL_POINTS, generator=generator, device=self.device).argsort(1)[:, :points]
+        clouds = torch.gather(clouds, 1, pick[..., None].expand(-1, -1, 3))
+        return augment(clouds, stretch, generator)
+
+    def draw_sources(self, count: int, generator: torch.Generator) -> Tensor:
+        """Random rows of `points`, `cages` and `weights`."""
+        return _integers(len(self.sources), count, generator, self.device)
+
+
+def augment(
+    clouds: Float[Tensor, "batch points 3"], stretch: float, generator: torch.Generator
+) -> Float[Tensor, "batch points 3"]:
+    """Mirror half of the clouds left to right and scale all per axis by up to `stretch`, back into the unit box.
+
+    With `stretch` 1 the clouds come back as they are: the paper trains on the shapes alone.
+    """
+    if stretch <= 1:
+        return clouds
+    options = {"generator": generator, "device": clouds.device}
+    factors = stretch ** (2 * torch.rand(len(clouds), 1, 3, **options) - 1)
+    mirror = 1 - 2 * torch.randint(0, 2, (len(clouds), 1, 1), **options).float()
+    clouds = clouds * factors * torch.cat([mirror, torch.ones_like(mirror), torch.ones_like(mirror)], dim=2)
+    return to_unit_box(clouds)
+
+
+def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
+    """Each cloud centred on its box and divided by its largest absolute coordinate."""
+    low, high = clouds.amin(1, keepdim=True), clouds.amax(1, keepdim=True)
+    return (clouds - (low + high) / 2) / ((high - low).amax(2, keepdim=True) / 2)
+
+
+def prepare(
+    packs: list[MeshPack],
+    network: KPRed,
+    points: int,
+    seed: int,
+    device: torch.device | str = "cpu",
+    source_split: str | None = None,
+    progress: Progress | None = None,
+    batch: int = 16,
+) -> TrainingData:
+    """Sample every shape of the splits `source` and `train`, and compute cages and coordinates of the sources.
+
+    Args:
+        source_split: split whose shapes are deformed (`source` in the paper); None deforms the shapes of both splits,
+            since no training split is ever searched at test time.
+
+    Raises:
+        PackError: if fewer than two usable shapes remain.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    clouds, is_source, vertices = [], [], []
+    total = sum(len(pack) for pack in packs)
+    for pack in packs:
+        for index in range(len(pack)):
+            split = str(pack.split[index])
+            if progress:
+                progress("sampling shapes", len(clouds), total)
+            if split not in ("source", "train"):
+                continue
+            mesh = pack[index]
+            try:
+                frame = unit_box_frame(mesh.vertices)
+                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float()
+                cloud, _ = sample_surface(corners, torch.from_numpy(mesh.faces).long(), POOL_POINTS, generator)
+            except MeshError:
+                continue
+            shuffle = torch.randperm(POOL_POINTS, generator=generator)
+            clouds.append(cloud[shuffle])
+            is_source.append(source_split is None or split == source_split)
+            vertices.append(corners)
+    if sum(is_source) < 2:
+        raise PackError("The mesh packs hold fewer than two shapes to train on; give packs with splits source and train.")
+    pool = torch.stack(clouds).to(device)
+    sources = torch.tensor(is_source, device=device).nonzero().squeeze(1)
+    faces = icosphere(network.config.cage_subdivisions)[1].to(device)
+    cages, weights = [], []
+    for rows in sources.split(batch):
+        if progress:
+            progress("cages and mean value coordinates", sum(len(c) for c in cages), len(sources))
+        # The cage must hold the mesh's vertices too, which the sample may miss.
+        hull = torch.stack([_with_vertices(pool[row], vertices[int(row)].to(device)) for row in rows])
+        cage = network.cage(hull)
+        cages.append(cage)
+        weights.append(mean_value_coordinates(pool[rows, :points], cage, faces).half())
+    return TrainingData(
+        pool=pool,
+        sources=sources,
+        targets=torch.arange(len(pool), device=device),
+        points=pool[sources, :points].contiguous(),
+        cages=torch.cat(cages),
+        weights=torch.cat(weights),
+    )
+
+
+def _with_vertices(cloud: Tensor, vertices: Tensor, count: int = 1024) -> Tensor:
+    """The cloud with its last points replaced by up to `count` of the mesh's vertices, spread over their order."""
+    step = max(1, -(-len(vertices) // count))
+    corners = vertices[::step]
+    return torch.cat([cloud[: len(cloud) - len(corners)], corners])
+
+
+def _integers(high: int, count: int, generator: torch.Generator, device: torch.device) -> Tensor:
+    return torch.randint(0, high, (count,), generator=generator, device=device)

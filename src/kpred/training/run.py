@@ -1,0 +1,77 @@
+"""A category's whole training: data once, then the stages in their order, into one run folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+
+from kpred.errors import CheckpointError, ConfigError
+from kpred.nn import STAGES, KPRed, ModelConfig
+from kpred.shapes.pack import MeshPack
+from kpred.training.checkpoint import Checkpoint
+from kpred.training.config import TrainConfig
+from kpred.training.data import Progress, prepare
+from kpred.training.loop import StepReport, train_stage
+
+
+def new_network(config: ModelConfig, seed: int) -> KPRed:
+    """Freshly initialised networks; the caller's random state is left as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return KPRed(config)
+
+
+def train(
+    packs: Sequence[MeshPack],
+    model_config: ModelConfig,
+    config: TrainConfig,
+    folder: Path,
+    stages: Sequence[str] = tuple(STAGES),
+    device: torch.device | str = "cpu",
+    source_split: str | None = None,
+    progress: Progress | None = None,
+    report: StepReport | None = None,
+    resume: bool = True,
+) -> KPRed:
+    """Train the given stages of one category and leave weights in `folder/model`.
+
+    Stages build on each other: one that is not in `stages` is taken from the run folder's checkpoints. A stopped run
+    goes on where it was.
+
+    Raises:
+        ConfigError: if a stage does not exist.
+        CheckpointError: if an earlier stage was never trained in this folder, or its checkpoint does not fit.
+        PackError: if the packs hold too few shapes.
+    """
+    unknown = set(stages) - set(STAGES)
+    if unknown:
+        raise ConfigError(f"There is no training stage {sorted(unknown)}; choose from {', '.join(STAGES)}.")
+    network = new_network(model_config, config.seed).to(device)
+    order = list(STAGES)
+    first = min(order.index(stage) for stage in stages)
+    if first > 0:
+        earlier = folder / f"{order[first - 1]}.checkpoint"
+        if not earlier.exists():
+            raise CheckpointError(f"{earlier} is missing; train the stage '{order[first - 1]}' in this folder first.")
+        network.load_state_dict(Checkpoint.load(earlier, device).weights)
+    data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress)
+    for stage in order:
+        if stage in stages:
+            train_stage(network, data, config, stage, folder, report=report, resume=resume)
+    _record(folder, model_config, config, packs, len(data.sources), len(data.targets))
+    return network
+
+
+def _record(
+    folder: Path, model_config: ModelConfig, config: TrainConfig, packs: Sequence[MeshPack], sources: int, targets: int
+) -> None:
+    """What the weights were made of, beside them: the facts of the model card."""
+    values = {
+        "model": model_config.to_dict(),
+        "training": config.to_dict(),
+        "shapes": {"packs": [len(pack) for pack in packs], "sources": sources, "targets": targets},
+    }
+    (folder / "model" / "training.json").write_text(json.dumps(values, indent=2) + "\n")

@@ -1,0 +1,208 @@
+"""The losses of the three stages (paper Sec. 3.1 to 3.3); each stage is a function of the data that yields a loss."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from kpred.nn import STAGES, KPRed
+from kpred.nn.retrieval import DECODED_POINTS
+from kpred.ops import ball_query, chamfer_distance, farthest_point_sampling, nearest_neighbours, slice_by_plane
+from kpred.ops.chamfer import squared_distances
+from kpred.ops.occlusion import random_directions, resample_visible
+from kpred.ops.regions import gather_points
+from kpred.training.config import StageConfig, TrainConfig
+from kpred.training.data import TrainingData
+
+RANKING_POINTS = 256
+"""Points per shape when all sources of a batch are compared with all its targets."""
+
+Losses = dict[str, Tensor]
+
+
+class Stage(ABC):
+    """One stage: which parameters it learns and how a batch becomes a loss."""
+
+    name: str
+
+    def __init__(self, network: KPRed, data: TrainingData, config: TrainConfig) -> None:
+        self.network, self.data, self.config = network, data, config
+        for part in network.children():
+            part.requires_grad_(False)
+        for name in STAGES[self.name]:
+            getattr(network, name).requires_grad_(True)
+
+    @property
+    def settings(self) -> StageConfig:
+        """This stage's optimisation settings."""
+        return getattr(self.config, self.name)
+
+    def parameters(self) -> Iterator[torch.nn.Parameter]:
+        """The parameters that this stage learns."""
+        for name in STAGES[self.name]:
+            yield from getattr(self.network, name).parameters()
+
+    @abstractmethod
+    def losses(self, step: int, generator: torch.Generator) -> Losses:
+        """Named loss terms of one step, already weighted; their sum is minimised."""
+
+    def _few(self, clouds: Tensor) -> Tensor:
+        # Points come in random order, so that the first ones are a fair sample.
+        return clouds[:, : self.config.keypoint_points]
+
+    def _targets(self, generator: torch.Generator) -> Tensor:
+        config = self.config
+        return self.data.draw_targets(self.settings.batch, config.points, config.stretch, generator)
+
+
+class DeformationStage(Stage):
+    """L_def = L_sim + lambda_kpt L_kpt (Eq. 2): keypoints and influence, from random source/target pairs."""
+
+    name = "deformation"
+
+    def losses(self, step: int, generator: torch.Generator) -> Losses:
+        config, data = self.config, self.data
+        rows = data.draw_sources(self.settings.batch, generator)
+        source, target = data.points[rows], self._targets(generator)
+        keypoints = self.network.keypoints(self._few(torch.cat([source, target])))
+        late = step >= config.late_step
+        weight = config.keypoint_weight_late if late else config.keypoint_weight
+        losses = {"keypoints": weight * self._spread(torch.cat([source, target]), keypoints)}
+        if step < config.warmup:
+            return losses
+        source_keypoints, target_keypoints = keypoints.chunk(2)
+        influence = self.network.influence(source, source_keypoints, data.cages[rows])
+        displacement = influence.transpose(1, 2) @ (target_keypoints - source_keypoints)
+        deformed = source + data.weights[rows].float() @ displacement
+        losses["similarity"] = chamfer_distance(target, deformed).mean()
+        if config.consistency_weight > 0:
+            again = self.network.keypoints(self._few(deformed.detach()))
+            difference = (again - target_keypoints.detach()).abs().mean()
+            losses["consistency"] = config.consistency_weight * difference
+        return losses
+
+    def _spread(self, clouds: Tensor, keypoints: Tensor) -> Tensor:
+        few = clouds[:, : min(512, clouds.shape[1])]
+        index = farthest_point_sampling(few, self.config.spread_samples)
+        spread = torch.gather(few, 1, index[..., None].expand(-1, -1, 3))
+        return chamfer_distance(spread, keypoints).mean()
+
+
+class FrozenDeformer(Stage):
+    """A stage on top of learned keypoints and influence: the bases of all sources are computed once."""
+
+    def __init__(self, network: KPRed, data: TrainingData, config: TrainConfig) -> None:
+        super().__init__(network, data, config)
+        keypoints, bases = [], []
+        with torch.no_grad():
+            for rows in torch.arange(len(data.points), device=data.device).split(64):
+                found = network.keypoints(data.points[rows])
+                influence = network.influence(data.points[rows], found, data.cages[rows])
+                bases.append((data.weights[rows].float() @ influence.transpose(1, 2)).half())
+                keypoints.append(found)
+        self.source_keypoints, self.bases = torch.cat(keypoints), torch.cat(bases)
+
+    def _deform(self, rows: Tensor, keypoints: Tensor) -> Tensor:
+        displacement = keypoints - self.source_keypoints[rows]
+        return self.data.points[rows] + self.bases[rows].float() @ displacement
+
+
+class RetrievalStage(FrozenDeformer):
+    """L_ret (Eq. 4): tokens must rebuild each region, as it is (Psi_1) and as it is deformed to the target (Psi_2)."""
+
+    name = "retrieval"
+
+    def losses(self, step: int, generator: torch.Generator) -> Losses:
+        config, network = self.config, self.network
+        rows = self.data.draw_sources(self.settings.batch, generator)
+        source, target = self.data.points[rows], self._targets(generator)
+        source_keypoints = self.source_keypoints[rows]
+        with torch.no_grad():
+            target_keypoints = network.keypoints(self._few(target))
+            deformed = self._deform(rows, target_keypoints)
+            index, _ = ball_query(source, source_keypoints, network.config.radius, DECODED_POINTS)
+        tokens = network.retrieval_tokens(source, source_keypoints)
+        losses = {"reconstruction": self._region_loss(tokens, source_keypoints, source, index)}
+        if network.config.deformation_aware:
+            losses["deformed"] = self._region_loss(tokens, target_keypoints, deformed, index)
+            if config.ranking_weight > 0:
+                target_tokens = network.retrieval_tokens(target, target_keypoints)
+                ranking = self._ranking(rows, tokens, target_tokens, target, target_keypoints)
+                losses["ranking"] = config.ranking_weight * ranking
+        return losses
+
+    def _region_loss(self, tokens: Tensor, keypoints: Tensor, points: Tensor, index: Tensor) -> Tensor:
+        regions = gather_points(points, index).flatten(0, 1)
+        rebuilt = self.network.region_decoder(tokens, keypoints).flatten(0, 1)
+        # The mean over keypoints of Eq. 4; scaled so that the loss is of order one.
+        return 100 * chamfer_distance(regions, rebuilt).mean()
+
+    def _ranking(
+        self, rows: Tensor, tokens: Tensor, target_tokens: Tensor, target: Tensor, keypoints: Tensor
+    ) -> Tensor:
+        """Cross-entropy between two orders of the batch's sources for each target: by true error, by token distance."""
+        batch = len(rows)
+        with torch.no_grad():
+            few = min(RANKING_POINTS, target.shape[1])
+            everyone = rows.repeat(batch)
+            wanted = keypoints.repeat_interleave(batch, 0)
+            displacement = wanted - self.source_keypoints[everyone]
+            deformed = self.data.points[everyone, :few] + self.bases[everyone, :few].float() @ displacement
+            goal = target[:, :few].repeat_interleave(batch, 0)
+            forth, _ = nearest_neighbours(goal, deformed)
+            back, _ = nearest_neighbours(deformed, goal)
+            error = (forth.mean(1) + back.mean(1)).view(batch, batch)
+            error = error - error.amin(1, keepdim=True)
+            wanted_order = torch.softmax(-error / (0.2 * error.mean(1, keepdim=True) + 1e-9), dim=1)
+        distance = (target_tokens[:, None] - tokens[None]).abs().sum(-1).mean(-1)
+        return -(wanted_order * torch.log_softmax(-distance, dim=1)).sum(1).mean()
+
+
+class PartialStage(FrozenDeformer):
+    """L_pdef = L_usim + lambda_wkpt L_wkpt (Eq. 6, 7): the partial predictor follows the full one as its teacher."""
+
+    name = "partial"
+
+    def losses(self, step: int, generator: torch.Generator) -> Losses:
+        config, network = self.config, self.network
+        target = self._targets(generator)
+        seen = self._occlude(target, generator)
+        with torch.no_grad():
+            teacher = network.keypoints(self._few(target))
+            confidence = network.confidence(seen, teacher)
+            wanted = network.retrieval_tokens(target, teacher)
+        keypoints = network.partial_keypoints(self._few(seen))
+        # The density floor keeps unseen keypoints from drifting freely.
+        weight = confidence.clamp(min=0.1)
+        difference = (keypoints - teacher).abs().mean(-1)
+        rows = self.data.draw_sources(self.settings.batch, generator)
+        deformed = self._deform(rows, keypoints)
+        losses = {
+            "keypoints": config.partial_keypoint_weight * (weight * difference).mean(),
+            "similarity": squared_distances(seen, deformed).mean(),
+        }
+        if config.partial_token_weight > 0:
+            tokens = network.partial_retrieval_tokens(seen, keypoints.detach())
+            off = (tokens - wanted).abs().mean(-1)
+            losses["tokens"] = config.partial_token_weight * (weight * off).mean()
+        return losses
+
+    def _occlude(self, target: Tensor, generator: torch.Generator) -> Tensor:
+        low, high = self.config.occlusion
+        ratio = low + (high - low) * torch.rand(len(target), generator=generator, device=target.device)
+        normal = random_directions(len(target), generator, target.device)
+        visible = slice_by_plane(target, ratio, normal)
+        index = resample_visible(target, visible, target.shape[1], generator)
+        seen = torch.gather(target, 1, index[..., None].expand(-1, -1, 3))
+        noise = torch.randn(seen.shape, generator=generator, device=seen.device)
+        return seen + self.config.noise * noise
+
+
+STAGE_CLASSES: dict[str, type[Stage]] = {
+    "deformation": DeformationStage,
+    "retrieval": RetrievalStage,
+    "partial": PartialStage,
+}
