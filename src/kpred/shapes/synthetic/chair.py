@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kpred.shapes.synthetic.chair_modern import MODERN_FAMILIES
+from kpred.shapes.synthetic.chair_shells import SHELL_FAMILIES
 from kpred.shapes.synthetic.chair_upholstered import UPHOLSTERED_FAMILIES
 from kpred.shapes.synthetic.chair_wooden import WOODEN_FAMILIES
 from kpred.shapes.synthetic.parts import Part
@@ -14,5 +15,6 @@ from kpred.shapes.synthetic.parts import Part
 CHAIR_FAMILIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
     **WOODEN_FAMILIES,
     **MODERN_FAMILIES,
+    **SHELL_FAMILIES,
     **UPHOLSTERED_FAMILIES,
 }

@@ -60,7 +60,7 @@ def arm_parts(
                 right.append(frustum((post * 0.4, post * 0.8), (post * 0.4, post * 0.8), low, high, "arm_post"))
     elif style == "panel":
         t = between(rng, 0.018, 0.06)
-        low = 0.0 if happens(rng, 0.4) else seat_bottom
+        low = 0.0 if happens(rng, 0.12) else seat_bottom
         right.append(
             box(
                 (t, y - low, front + depth / 2.0),
@@ -96,17 +96,19 @@ def arm_parts(
         size = (wide * 1.2, thick, depth * between(rng, 0.45, 0.7))
         right.append(cushion(size, (edge, y, middle + 0.02), "arm", 0.015))
     else:
-        top = y + between(rng, 0.02, 0.12)
+        crest = y + between(rng, 0.02, 0.12)
         if bend is not None:
-            top = min(top, seat_top + bend.height * 0.9)
-            rear = back_z + bend.depth_at(top - seat_top)
+            crest = min(crest, seat_top + bend.height * 0.9)
+            rear = back_z + bend.depth_at(crest - seat_top)
         end = np.array([width / 2.0, seat_top - 0.01, depth / 2.0 * between(rng, 0.5, 0.95)])
-        control = np.array([x, top, end[2] + between(rng, -0.15, 0.05)])
+        control = np.array([x, crest, end[2] + between(rng, -0.15, 0.05)])
         section = rounded_rectangle(wide * 0.8, thick, 0.0)
-        right.append(sweep(section, bezier((rear_x, top, rear), control, end, 8), "arm"))
+        right.append(sweep(section, bezier((rear_x, crest, rear), control, end, 8), "arm"))
         if bend is None:
             right.append(
-                frustum((post, post), (post, post), (edge, seat_bottom, rear + 0.01), (x, top, rear + 0.01), "arm_post")
+                frustum(
+                    (post, post), (post, post), (edge, seat_bottom, rear + 0.01), (x, crest, rear + 0.01), "arm_post"
+                )
             )
     return [*right, *(part.mirrored_x() for part in right)]
 
@@ -114,7 +116,7 @@ def arm_parts(
 def upholstered_sides(
     rng: np.random.Generator, width: float, depth: float, bottom: float, top: float, thick: float
 ) -> list[Part]:
-    """Solid padded sides standing outside a seat of `width`, from height `bottom` to `top`; rolled, slanted or plain."""
+    """Solid padded sides standing outside a seat of `width`, from height `bottom` to `top`."""
     style = pick(rng, ("block", "soft", "rolled", "slanted"))
     x = (width + thick) / 2.0
     tall = top - bottom

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kpred.shapes.synthetic.chance import between, happens, whole
+from kpred.shapes.synthetic.chance import between, happens, pick, whole
 from kpred.shapes.synthetic.parts import Part, beam, box, cylinder, ellipse, frustum, lathe, rounded_rectangle, sweep
 from kpred.shapes.synthetic.paths import rounded_path
 
@@ -78,6 +78,12 @@ def cross_base(rng: np.random.Generator, height: float, radius: float) -> list[P
         start = np.array([0.0, top + thick / 2.0, 0.0])
         parts.append(beam(start, out + np.array([0.0, thick / 2.0, 0.0]), thick * 1.4, thick, "spoke"))
     return parts
+
+
+def pedestal_base(rng: np.random.Generator, height: float, width: float) -> list[Part]:
+    """One of the bases with a single stem."""
+    kind = pick(rng, (tulip_base, disc_base, cross_base))
+    return kind(rng, height, width * between(rng, 0.4, 0.6))
 
 
 def cantilever_tube(

@@ -1,4 +1,4 @@
-"""Families of chairs on swivels, pedestals, bent tubes and runners, and shells bent in one piece."""
+"""Families of chairs on swivels, pedestals, bent tubes and runners."""
 
 from __future__ import annotations
 
@@ -8,113 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from kpred.shapes.synthetic.chair_arms import arm_parts
-from kpred.shapes.synthetic.chair_bases import cantilever_tube, cross_base, disc_base, sled_base, star_base, tulip_base
+from kpred.shapes.synthetic.chair_bases import cantilever_tube, pedestal_base, sled_base, star_base
 from kpred.shapes.synthetic.chair_legs import corner_legs, leg_parts
 from kpred.shapes.synthetic.chair_seats import Seat, back_parts, random_bend, seat_parts, seat_size
+from kpred.shapes.synthetic.chair_shells import shell
 from kpred.shapes.synthetic.chance import between, happens, pick
-from kpred.shapes.synthetic.parts import Part, box, cushion, cylinder, ellipse, loft, slab
+from kpred.shapes.synthetic.parts import Part, box, cushion, cylinder, ellipse, sweep
 from kpred.shapes.synthetic.paths import rounded_path
 
 Family = Callable[[np.random.Generator], list[Part]]
 
 
-def shell(
-    rng: np.random.Generator, seat: Seat, rise: float, lean: float, thickness: float, hollow: float, wrap: float = 0.0
-) -> list[Part]:
-    """Seat and back bent from one sheet; `hollow`: depth of its dish, `wrap`: how far its sides rise as arms."""
-    d = seat.depth
-    top = np.array([-d / 2.0 - rise * np.tan(np.radians(lean)), seat.top + rise])
-    path = rounded_path(
-        [
-            (0.0, seat.top - between(rng, 0.0, 0.03), d / 2.0),
-            (0.0, seat.top, d / 2.0 - 0.06),
-            (0.0, seat.top - 0.015, -d / 2.0),
-            (0.0, top[1], top[0]),
-        ],
-        between(rng, 0.06, 0.16),
-        4,
-    )
-    line = path[:, [2, 1]]
-    steps = np.gradient(line, axis=0)
-    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
-    # Normal on the sitter's side: up over the seat, forward of the back.
-    normals = np.column_stack([-steps[:, 1], steps[:, 0]])
-    normals *= np.where(normals[:, 1:] < -1e-6, -1.0, 1.0)
-    normals[normals[:, 0] < 0.0] *= np.array([1.0, 1.0])
-    travel = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    travel /= travel[-1]
-    front, waist, crown = between(rng, 0.85, 1.0), between(rng, 0.9, 1.05), between(rng, 0.6, 1.0)
-    widths = seat.width / 2.0 * np.interp(travel, [0.0, 0.15, 0.5, 0.8, 1.0], [front, 1.0, waist, waist * 0.97, crown])
-    lift = hollow + wrap * np.exp(-(((travel - 0.45) / 0.22) ** 2))
-    across = np.linspace(-1.0, 1.0, 11)
-    rings = []
-    for p, n, half, rise_here in zip(line, normals, widths, lift, strict=True):
-        bow = (across**2 if wrap < 0.05 else np.abs(across) ** 4)[:, None] * rise_here
-        pull = 1.0 - 0.12 * (wrap > 0.05) * np.abs(across) ** 4
-        upper = p + n * bow
-        lower = upper - n * thickness
-        ring = np.concatenate(
-            [
-                np.column_stack([across * half * pull, upper[:, 1], upper[:, 0]]),
-                np.column_stack([across * half * pull, lower[:, 1], lower[:, 0]])[::-1],
-            ]
-        )
-        rings.append(ring)
-    cap = [t for i in range(10) for t in ([i, i + 1, 21 - i], [i + 1, 20 - i, 21 - i])]
-    return [loft(np.stack(rings), "shell", np.array(cap))]
-
-
-def _pedestal(rng: np.random.Generator, height: float, width: float) -> list[Part]:
-    kind = pick(rng, (tulip_base, disc_base, cross_base))
-    return kind(rng, height, width * between(rng, 0.4, 0.6))
-
-
 def _seat_plate(seat: Seat) -> Part:
     return box((0.16, 0.03, 0.16), (0.0, seat.bottom - 0.012, 0.0), "seat_frame")
-
-
-def shell_legs(rng: np.random.Generator) -> list[Part]:
-    """Bent shell on four splayed legs."""
-    seat = seat_size(rng, (0.42, 0.56), (0.38, 0.47), (0.03, 0.04))
-    wrap = between(rng, 0.1, 0.22) if happens(rng, 0.4) else 0.0
-    parts = shell(
-        rng,
-        seat,
-        between(rng, 0.3, 0.55),
-        between(rng, 4.0, 22.0),
-        between(rng, 0.01, 0.03),
-        between(rng, 0.0, 0.04),
-        wrap,
-    )
-    under = seat.top - 0.075
-    legs = corner_legs(
-        rng, seat.width * 0.72, seat.depth * 0.75, under, between(rng, 0.02, 0.035), between(rng, 0.03, 0.09)
-    )
-    frame = box((seat.width * 0.72, 0.07, seat.depth * 0.7), (0.0, under + 0.028, 0.0), "seat_frame")
-    return [*parts, frame, *leg_parts(rng, legs, pick(rng, ("round", "cone", "square", "tapered")))]
-
-
-def shell_base(rng: np.random.Generator) -> list[Part]:
-    """Bent shell on a pedestal, a swivel star, or runners."""
-    seat = seat_size(rng, (0.42, 0.6), (0.38, 0.48), (0.03, 0.04))
-    wrap = between(rng, 0.1, 0.25) if happens(rng, 0.5) else 0.0
-    parts = shell(
-        rng,
-        seat,
-        between(rng, 0.3, 0.6),
-        between(rng, 4.0, 22.0),
-        between(rng, 0.012, 0.035),
-        between(rng, 0.0, 0.04),
-        wrap,
-    )
-    kind = pick(rng, ("pedestal", "star", "sled"))
-    plate = box((seat.width * 0.4, 0.06, seat.depth * 0.45), (0.0, seat.top - 0.045, 0.0), "seat_frame")
-    if kind == "pedestal":
-        return [*parts, plate, *_pedestal(rng, seat.top - 0.05, seat.width)]
-    if kind == "star":
-        return [*parts, plate, *star_base(rng, seat.top - 0.05, between(rng, 0.24, 0.33), happens(rng, 0.6))]
-    wide = box((seat.width * 0.8, 0.06, seat.depth * 0.7), (0.0, seat.top - 0.045, 0.0), "seat_frame")
-    return [*parts, wide, *sled_base(rng, seat.width * 0.82, seat.depth * 0.85, seat.top - 0.06)]
 
 
 def office_task(rng: np.random.Generator) -> list[Part]:
@@ -185,7 +91,7 @@ def pedestal_chair(rng: np.random.Generator) -> list[Part]:
     high = happens(rng, 0.4)
     seat = seat_size(rng, (0.36, 0.55), (0.58, 0.8) if high else (0.38, 0.5), (0.02, 0.1))
     parts = seat_parts(rng, seat, pick(rng, ("rounded", "cushion", "board", "bent")))
-    parts += _pedestal(rng, seat.bottom + 0.004, max(seat.width, 0.42))
+    parts += pedestal_base(rng, seat.bottom + 0.004, max(seat.width, 0.42))
     bend = random_bend(rng, seat.width * between(rng, 0.8, 1.0), between(rng, 0.15, 0.55), (2.0, 18.0))
     style = pick(rng, ("solid_panel", "raised_panel", "upholstered", "padded_frame", "ladder", "hoop"))
     back, foot = back_parts(rng, seat, bend, style)
@@ -214,8 +120,6 @@ def foot_rest(rng: np.random.Generator, seat: Seat) -> list[Part]:
     path = rounded_path(
         [(0.0, y, 0.0), (wide, y, 0.02), (wide, y, out), (-wide, y, out), (-wide, y, 0.02), (0.0, y, -0.005)], 0.04, 3
     )
-    from kpred.shapes.synthetic.parts import sweep
-
     return [sweep(ellipse(0.018, 0.018, 6), path, "foot_rest")]
 
 
@@ -224,28 +128,10 @@ def bar_stool(rng: np.random.Generator) -> list[Part]:
     width = between(rng, 0.3, 0.45)
     seat = Seat(width, width, between(rng, 0.55, 0.82), between(rng, 0.025, 0.1))
     style = pick(rng, ("round", "round", "rounded", "cushion", "board"))
-    parts = [*seat_parts(rng, seat, style), *_pedestal(rng, seat.bottom + 0.004, max(width, 0.4))]
+    parts = [*seat_parts(rng, seat, style), *pedestal_base(rng, seat.bottom + 0.004, max(width, 0.4))]
     if happens(rng, 0.5):
         parts += foot_rest(rng, seat)
     return parts
-
-
-def tulip(rng: np.random.Generator) -> list[Part]:
-    """Moulded shell on a flowing stem."""
-    seat = seat_size(rng, (0.45, 0.6), (0.4, 0.47), (0.03, 0.05))
-    parts = shell(
-        rng,
-        seat,
-        between(rng, 0.3, 0.5),
-        between(rng, 6.0, 20.0),
-        between(rng, 0.015, 0.04),
-        between(rng, 0.01, 0.04),
-        between(rng, 0.12, 0.26),
-    )
-    pad = slab(
-        ellipse(seat.width * 0.75, seat.depth * 0.7, 18), seat.top - 0.02, between(rng, 0.03, 0.06), "seat_cushion"
-    )
-    return [*parts, pad, *tulip_base(rng, seat.top - 0.01, between(rng, 0.2, 0.3))]
 
 
 def cantilever(rng: np.random.Generator) -> list[Part]:
@@ -374,13 +260,10 @@ def _ottoman_rest(rng: np.random.Generator, seat: Seat) -> list[Part]:
 
 
 MODERN_FAMILIES: dict[str, Family] = {
-    "shell_legs": shell_legs,
-    "shell_base": shell_base,
     "office_task": office_task,
     "office_executive": office_executive,
     "pedestal": pedestal_chair,
     "bar_stool": bar_stool,
-    "tulip": tulip,
     "cantilever": cantilever,
     "sled": sled,
     "lounger": lounger,

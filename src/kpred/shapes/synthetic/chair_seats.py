@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kpred.shapes.synthetic.chair_backs import BACK_STYLES, Bend
 from kpred.shapes.synthetic.chance import between, happens, pick, whole
-from kpred.shapes.synthetic.parts import Part, box, cushion, ellipse, rounded_rectangle, slab
-from kpred.shapes.synthetic.parts import curved_panel as bent_panel
+from kpred.shapes.synthetic.parts import Part, box, cushion, ellipse, loft, rounded_rectangle, slab
 
 SEAT_STYLES = ("board", "rounded", "trapezoid", "cushion", "board_cushion", "slatted", "bent")
+
+# Their pads have no inner vertices that could follow a bend, the bars that hold them have.
+_STIFF = ("upholstered", "stem", "oval")
 
 
 @dataclass(frozen=True)
@@ -85,18 +87,13 @@ def seat_parts(rng: np.random.Generator, seat: Seat, style: str) -> list[Part]:
             for s in (-1.0, 1.0)
         ]
         return [*boards, *rails]
-    # "bent": a sheet, hollow in the middle.
-    thin = max(min(t, 0.03), 0.012)
-    sag = between(rng, 0.01, 0.03)
-    panel = bent_panel(w, d, thin, sag, 0.0, (0.0, 0.0, 0.0), "seat", 8).rotated("x", -90.0)
-    return [
-        panel.moved((0.0, seat.top - thin / 2.0 - sag / 2.0, 0.0)),
-        box(
-            (w * 0.8, max(t - thin - sag, 0.015) + sag, d * 0.8),
-            (0.0, seat.bottom + (max(t - thin - sag, 0.015) + sag) / 2.0, 0.0),
-            "seat_frame",
-        ),
-    ]
+    # "bent": hollow across its width over a flat underside.
+    sag = between(rng, 0.25, 0.6) * min(t, 0.05)
+    rings = []
+    for x in np.linspace(-w / 2.0, w / 2.0, 9):
+        y = seat.top - sag * (1.0 - (2.0 * x / w) ** 2)
+        rings.append([[x, seat.bottom, -d / 2], [x, seat.bottom, d / 2], [x, y, d / 2], [x, y, -d / 2]])
+    return [loft(np.array(rings), "seat")]
 
 
 def random_bend(
@@ -123,6 +120,8 @@ def back_parts(
     """
     t = between(rng, 0.015, 0.04) if thickness is None else thickness
     foot = -seat.depth / 2.0 + t / 2.0 + inset
+    if style in _STIFF:
+        bend = replace(bend, bow=0.0, curve=0.0)
     flat = BACK_STYLES[style](rng, bend.width, bend.height, t, min(seat.thickness * 0.8, 0.05))
     return [bend.apply(part).moved((0.0, seat.top, foot)) for part in flat], foot
 

@@ -232,7 +232,7 @@ def cube(rng: np.random.Generator) -> list[Part]:
     arm_top = height if level else seat_top + (height - seat_top) * between(rng, 0.4, 0.8)
     inner = width - 2.0 * wall
     parts = [
-        box((inner + 0.004, thick, depth), (0.0, seat_top - thick / 2.0, 0.0), "seat"),
+        box((inner + 0.004, thick, depth - wall + 0.004), (0.0, seat_top - thick / 2.0, wall / 2.0 - 0.002), "seat"),
         box(
             (width if not level else inner + 0.004, height, wall),
             (0.0, height / 2.0, -(depth - wall) / 2.0),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from kpred.shapes.synthetic.chair_arms import ARM_STYLES, arm_parts
+from kpred.shapes.synthetic.chair_backs import Bend
 from kpred.shapes.synthetic.chair_bases import crossed_legs, rocker_runners, side_panels, trestle_legs
 from kpred.shapes.synthetic.chair_legs import (
     LEG_STYLES,
@@ -37,6 +39,8 @@ def legged_base(
     thick = between(rng, 0.022, 0.055) if style != "hairpin" else 0.05
     if splay is None:
         splay = between(rng, 0.02, 0.07) if happens(rng, 0.35) else 0.0
+    if style == "cabriole":
+        splay = 0.0
     inset = between(rng, 0.0, 0.05) if happens(rng, 0.4) else 0.0
     rake = between(rng, 0.0, 0.07) if happens(rng, 0.5) else 0.0
     narrow = between(rng, 0.85, 1.0) if happens(rng, 0.5) else 1.0
@@ -69,7 +73,9 @@ def _dining(backs: tuple[str, ...], arms: float = 0.25) -> Family:
     return family
 
 
-def _arms(rng: np.random.Generator, seat: Seat, foot: float, bend, styles: tuple[str, ...] = ARM_STYLES) -> list[Part]:  # type: ignore[no-untyped-def]
+def _arms(
+    rng: np.random.Generator, seat: Seat, foot: float, bend: Bend, styles: tuple[str, ...] = ARM_STYLES
+) -> list[Part]:
     rise = min(between(rng, 0.16, 0.28), bend.height * 0.8)
     return arm_parts(rng, pick(rng, styles), seat.width, seat.depth, seat.top, seat.bottom, rise, foot, bend)
 
@@ -171,7 +177,11 @@ def bar_chair(rng: np.random.Generator) -> list[Part]:
 def bench(rng: np.random.Generator) -> list[Part]:
     """Wide seat on legs, trestles or boards, with a back or not."""
     seat = Seat(between(rng, 0.85, 1.6), between(rng, 0.3, 0.5), between(rng, 0.38, 0.48), between(rng, 0.02, 0.09))
-    parts = seat_parts(rng, seat, pick(rng, ("board", "slatted", "cushion", "board_cushion")))
+    style = pick(rng, ("board", "slatted", "cushion", "board_cushion"))
+    if style == "slatted":
+        # The slats carry themselves: legs stand anywhere under them, not only under the rails.
+        seat = replace(seat, thickness=min(seat.thickness, 0.03))
+    parts = seat_parts(rng, seat, style)
     kind = pick(rng, ("legs", "trestle", "panels"))
     if kind == "legs":
         parts += legged_base(rng, seat)[0]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from kpred.shapes.synthetic.part import Number
 
-def rounded_rectangle(width: float, depth: float, radius: float, segments: int = 4) -> np.ndarray:
+
+def rounded_rectangle(width: Number, depth: Number, radius: Number, segments: int = 4) -> np.ndarray:
     """Outline (4 * (segments + 1), 2) of a rectangle about the origin with corners of `radius`.
 
     A radius of zero gives the four plain corners; radii above half of the smaller side are cut to it.
@@ -21,7 +23,7 @@ def rounded_rectangle(width: float, depth: float, radius: float, segments: int =
     return np.concatenate(points)
 
 
-def ellipse(width: float, depth: float, segments: int = 24) -> np.ndarray:
+def ellipse(width: Number, depth: Number, segments: int = 24) -> np.ndarray:
     """Outline (segments, 2) of an ellipse about the origin with the full axes `width` (x) and `depth` (z)."""
     angles = 2.0 * np.pi * np.arange(segments) / segments
     return np.column_stack([np.cos(angles) * width / 2.0, np.sin(angles) * depth / 2.0])

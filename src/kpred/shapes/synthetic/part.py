@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-Vector = Sequence[float] | np.ndarray
+# Run-time type checkers take `float` at its word, so whole numbers are named beside it.
+Number = float | int
+Vector = Sequence[Number] | np.ndarray
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -15,7 +17,7 @@ def _identity() -> np.ndarray:
     return np.eye(3)
 
 
-def rotation_matrix(axis: str | Vector, degrees: float) -> np.ndarray:
+def rotation_matrix(axis: str | Vector, degrees: Number) -> np.ndarray:
     """Right-handed rotation (3, 3) by `degrees` about `axis` ("x", "y", "z" or a vector)."""
     direction = np.asarray(_AXES[axis] if isinstance(axis, str) else axis, dtype=np.float64)
     x, y, z = direction / np.linalg.norm(direction)
@@ -59,13 +61,13 @@ class Part:
         """The part shifted by `offset` (3,)."""
         return replace(self, vertices=self.vertices + np.asarray(offset, dtype=np.float64))
 
-    def rotated(self, axis: str | Vector, degrees: float, center: Vector = (0.0, 0.0, 0.0)) -> Part:
+    def rotated(self, axis: str | Vector, degrees: Number, center: Vector = (0.0, 0.0, 0.0)) -> Part:
         """The part turned right-handed about the line through `center` along `axis` ("x", "y", "z" or a vector)."""
         turn = rotation_matrix(axis, degrees)
         pivot = np.asarray(center, dtype=np.float64)
         return replace(self, vertices=(self.vertices - pivot) @ turn.T + pivot, axes=self.axes @ turn.T)
 
-    def scaled(self, factors: float | Vector) -> Part:
+    def scaled(self, factors: Number | Vector) -> Part:
         """The part scaled about the origin; `factors` is one positive number or three."""
         scale = np.broadcast_to(np.asarray(factors, dtype=np.float64), (3,))
         return replace(self, vertices=self.vertices * scale)

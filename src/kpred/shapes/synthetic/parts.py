@@ -11,7 +11,7 @@ import numpy as np
 
 from kpred.shapes.synthetic.assembly import assemble, cuboid_mesh
 from kpred.shapes.synthetic.outlines import ellipse, rounded_rectangle, triangulate
-from kpred.shapes.synthetic.part import Part, Vector, rotation_between, rotation_matrix
+from kpred.shapes.synthetic.part import Number, Part, Vector, rotation_between, rotation_matrix
 
 __all__ = [
     "Part",
@@ -92,7 +92,7 @@ def frustum(bottom_size: Vector, top_size: Vector, bottom_center: Vector, top_ce
 
 
 def cylinder(
-    radius: float, start: Vector, end: Vector, label: str, sides: int = 16, end_radius: float | None = None
+    radius: Number, start: Vector, end: Vector, label: str, sides: int = 16, end_radius: Number | None = None
 ) -> Part:
     """Round bar from `start` to `end`; `end_radius` makes it a cone frustum."""
     top = radius if end_radius is None else end_radius
@@ -105,7 +105,7 @@ def cylinder(
 
 def lathe(profile: Sequence[Vector] | np.ndarray, center: Vector, label: str, sides: int = 16) -> Part:
     """Turned part about a vertical axis; `profile` (K, 2) holds (radius, height) from below, heights over `center`."""
-    rows = _vector(profile)  # type: ignore[arg-type]
+    rows = np.asarray(profile, dtype=np.float64)
     plan = _circle(sides)
     # A radius of zero would leave triangles without area.
     radii = np.maximum(rows[:, 0], 1e-3)
@@ -157,7 +157,7 @@ def sweep(section: np.ndarray, path: np.ndarray, label: str, scales: Vector | No
     return loft(np.stack(rings), label, triangulate(outline), axes)
 
 
-def beam(start: Vector, end: Vector, width: float, depth: float, label: str) -> Part:
+def beam(start: Vector, end: Vector, width: Number, depth: Number, label: str) -> Part:
     """Straight bar of rectangular section; `width` is across (horizontal), `depth` along the section's other side.
 
     For an upright bar `width` lies along x and `depth` along z.
@@ -169,7 +169,7 @@ def beam(start: Vector, end: Vector, width: float, depth: float, label: str) -> 
     return sweep(section, np.stack([_vector(start), _vector(end)]), label)
 
 
-def slab(outline: np.ndarray, bottom: float, thickness: float, label: str) -> Part:
+def slab(outline: np.ndarray, bottom: Number, thickness: Number, label: str) -> Part:
     """Flat board of simple outline (M, 2) in the x-z plane, from height `bottom` up to `bottom + thickness`."""
     plan = _vector(outline)
     rings = np.stack(
@@ -178,7 +178,7 @@ def slab(outline: np.ndarray, bottom: float, thickness: float, label: str) -> Pa
     return loft(rings, label, triangulate(plan))
 
 
-def cushion(size: Vector, center: Vector, label: str, radius: float = 0.04, segments: int = 2) -> Part:
+def cushion(size: Vector, center: Vector, label: str, radius: Number = 0.04, segments: int = 2) -> Part:
     """Upholstered block of outer `size` about `center` with rounded edges."""
     width, height, depth = _vector(size)
     radius = min(radius, 0.49 * width, 0.49 * depth, 0.49 * height)
@@ -195,11 +195,11 @@ def cushion(size: Vector, center: Vector, label: str, radius: float = 0.04, segm
 
 
 def curved_panel(
-    width: float,
-    height: float,
-    thickness: float,
-    bow: float,
-    lean: float,
+    width: Number,
+    height: Number,
+    thickness: Number,
+    bow: Number,
+    lean: Number,
     center: Vector,
     label: str,
     segments: int = 8,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from kpred.shapes.synthetic.part import Vector
+from kpred.shapes.synthetic.part import Number, Vector
 
 
-def rounded_path(corners: np.ndarray | list[Vector], radius: float, segments: int = 4) -> np.ndarray:
+def rounded_path(corners: np.ndarray | Sequence[Vector], radius: Number, segments: int = 4) -> np.ndarray:
     """Open polyline (N, 3) through `corners` (K, 3) with each inner corner rounded by about `radius` metres."""
     points = [np.asarray(corner, dtype=np.float64) for corner in corners]
     path = [points[0]]
@@ -29,7 +31,9 @@ def bezier(start: Vector, control: Vector, end: Vector, segments: int = 8) -> np
     return (1 - t) ** 2 * a + 2 * t * (1 - t) * b + t**2 * c
 
 
-def arc(center: Vector, radius_x: float, radius_z: float, first: float, last: float, segments: int = 12) -> np.ndarray:
+def arc(
+    center: Vector, radius_x: Number, radius_z: Number, first: Number, last: Number, segments: int = 12
+) -> np.ndarray:
     """Horizontal elliptic arc (segments + 1, 3); angles in degrees from +x towards +z."""
     angles = np.radians(np.linspace(first, last, segments + 1))
     plan = np.column_stack([radius_x * np.cos(angles), np.zeros(segments + 1), radius_z * np.sin(angles)])
