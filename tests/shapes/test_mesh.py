@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -45,3 +48,14 @@ def test_clean_refuses_a_mesh_without_area():
 def test_arrays_that_are_no_mesh_are_refused(vertices, faces, parts, words):
     with pytest.raises(MeshError, match=words):
         Mesh(vertices, faces, "x", parts)
+
+
+def test_the_package_needs_only_numpy_and_names_all_it_offers():
+    code = (
+        "import sys, kpred.shapes as s, kpred.shapes.pack, kpred.shapes.scan, kpred.shapes.source\n"
+        "heavy = {'trimesh', 'torch', 'scipy', 'numba', 'sqlalchemy'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+        "assert all(getattr(s, name).__name__ == name for name in s.__all__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -46,7 +46,7 @@ def npz_points(path: Path) -> Iterator[np.ndarray]:
         raise ScanError(f"{path}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
 
 
-def _array_points(stream: IO[bytes], name: str) -> Iterator[np.ndarray]:
+def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> Iterator[np.ndarray]:
     try:
         version = np.lib.format.read_magic(stream)
         reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
