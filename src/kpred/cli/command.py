@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
-if TYPE_CHECKING:
-    from kpred.cli.output import Output
+from kpred.cli.output import Output
 
 
 @dataclass(frozen=True, kw_only=True)

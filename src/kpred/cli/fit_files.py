@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from kpred import __version__
 from kpred.cli.output import Output, plain
 from kpred.errors import OutputError
-
-if TYPE_CHECKING:
-    from kpred.fitting import Fit
+from kpred.fitting import Fit
 
 
 def check_output(path: Path, scan: Path) -> None:

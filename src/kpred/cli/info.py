@@ -29,11 +29,10 @@ class InfoCommand(Command):
 
     def run(self, output: Output) -> None:
         """Collect and print the facts. What is named must be there; what is bundled may be reported missing."""
-        facts = {"versions": _versions(), "devices": _devices(), "model": self._model(), "database": self._database()}
-        output.result(facts)
-        output.table("versions", ["", "version"], list(facts["versions"].items()))
-        output.note(f"devices: {', '.join(facts['devices'])}\n")
-        model, database = facts["model"], facts["database"]
+        versions, devices, model, database = _versions(), _devices(), self._model(), self._database()
+        output.result({"versions": versions, "devices": devices, "model": model, "database": database})
+        output.table("versions", ["", "version"], list(versions.items()))
+        output.note(f"devices: {', '.join(devices)}\n")
         if "missing" in model:
             output.note(f"model: {model['missing']}\n")
         else:

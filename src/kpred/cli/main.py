@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 an error that the sentence on standard error explains, 2 w
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 import warnings
@@ -12,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, TextIO
 
+from kpred import __version__
 from kpred.cli.usage import UsageError
 from kpred.errors import KpredError
 
@@ -42,16 +44,6 @@ examples:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if not words or words[0] in ("-h", "--help"):
-        print(_help(), file=sys.stdout if words else sys.stderr)
-        return OK if words else USAGE
-    if words[0] in ("-V", "--version"):
-        from kpred import __version__
-
-        print(f"kpred {__version__}")
-        return OK
-    if words[0] not in COMMANDS:
-        return _unknown(words[0], "kpred", COMMANDS)
     debug = "--debug" in words
     try:
         with warnings.catch_warnings():
@@ -59,12 +51,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if not debug:
                 warnings.simplefilter("ignore", DeprecationWarning)
                 warnings.simplefilter("ignore", FutureWarning)
-            return _run(words[0], words[1:])
+            code = _dispatch(words)
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
         print("kpred: stopped by Ctrl-C", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of a pipe has gone: nothing is left to say, nor anyone to hear it
+        # The reader of a pipe has gone: what is still in the buffer is of no use, and must not fail again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else OK if error.code is None else FAILED
@@ -76,12 +71,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return USAGE if isinstance(error, UsageError) else FAILED
 
 
+def _dispatch(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help"):
+        print(_help(), file=sys.stdout if words else sys.stderr)
+        return OK if words else USAGE
+    if words[0] in ("-V", "--version"):
+        print(f"kpred {__version__}")
+        return OK
+    if words[0] not in COMMANDS:
+        return _unknown(words[0], "kpred", COMMANDS)
+    return _run(words[0], words[1:])
+
+
 def _run(name: str, words: list[str]) -> int:
     import tyro
 
     from kpred.cli.output import Output
 
-    found: type[Command] | dict[str, type[Command]] = import_module(f"kpred.cli.{name}").COMMAND
+    module = import_module(f"kpred.cli.{name}")
+    found: type[Command] | dict[str, type[Command]] = module.COMMAND
     if isinstance(found, dict):
         lines = {word: (kind.__doc__ or "").partition("\n")[0] for word, kind in found.items()}
         if not words or words[0] in ("-h", "--help"):
@@ -98,7 +106,8 @@ def _run(name: str, words: list[str]) -> int:
         kind,
         prog=f"kpred {name}",
         args=words,
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
+        default=module.default(kind, words) if hasattr(module, "default") else None,
+        config=(tyro.conf.FlagCreatePairsOff,),
     )
     command.run(Output(as_json=command.json))
     return OK

@@ -14,10 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kpred.errors import OutputError
 from kpred.ops.frames import Frame
@@ -37,6 +36,7 @@ class PictureWarning(UserWarning):
     """A picture was left out or drawn more plainly; the message says why and what to do."""
 
 
+@runtime_checkable
 class _TriangleMesh(Protocol):
     @property
     def vertices(self) -> Any: ...
@@ -44,6 +44,7 @@ class _TriangleMesh(Protocol):
     def faces(self) -> Any: ...
 
 
+@runtime_checkable
 class _Pictured(Protocol):
     """What the picture needs of a `Fit`: meshes in the scan's frame and the frame that takes them to the unit box."""
 
@@ -59,18 +60,18 @@ class _Pictured(Protocol):
 class Scene:
     """What the three panels show, all in the unit box (y up, front +z)."""
 
-    scan: NDArray[np.float32]
-    """(N, 3) points"""
-    retrieved_vertices: NDArray[np.float32]
-    """(V, 3)"""
-    retrieved_faces: NDArray[np.int32]
-    """(F, 3)"""
-    result_vertices: NDArray[np.float32]
-    """(W, 3)"""
-    result_faces: NDArray[np.int32]
-    """(G, 3)"""
-    titles: NDArray[np.str_]
-    """(3,)"""
+    scan: np.ndarray
+    """(N, 3) float32 points"""
+    retrieved_vertices: np.ndarray
+    """(V, 3) float32"""
+    retrieved_faces: np.ndarray
+    """(F, 3) int32"""
+    result_vertices: np.ndarray
+    """(W, 3) float32"""
+    result_faces: np.ndarray
+    """(G, 3) int32"""
+    titles: np.ndarray
+    """(3,) str"""
 
     def save(self, path: Path) -> None:
         """Write the scene as an npz file."""
@@ -82,14 +83,14 @@ class Scene:
         with np.load(path) as arrays:
             return cls(**{item.name: arrays[item.name] for item in fields(cls)})
 
-    def camera(self) -> tuple[NDArray[np.float64], float]:
+    def camera(self) -> tuple[np.ndarray, float]:
         """Centre (3,) and radius of a ball around everything shown, for one camera in all panels."""
         everything = np.concatenate([self.scan, self.retrieved_vertices, self.result_vertices]).astype(np.float64)
         low, high = everything.min(axis=0), everything.max(axis=0)
         return (low + high) / 2, float(np.linalg.norm(high - low) / 2)
 
 
-def fit_scene(fit: _Pictured, scan: NDArray[Any], titles: Sequence[str] | None = None) -> Scene:
+def fit_scene(fit: _Pictured, scan: np.ndarray, titles: Sequence[str] | None = None) -> Scene:
     """The scene of a fit; `scan` (N, 3) in its own frame and units, thinned to a few thousand points."""
     points = np.asarray(scan, dtype=np.float64)
     points = points[:: max(1, -(-len(points) // _DRAWN_POINTS))]
@@ -104,7 +105,7 @@ def fit_scene(fit: _Pictured, scan: NDArray[Any], titles: Sequence[str] | None =
     )
 
 
-def save_picture(fit: _Pictured, scan: NDArray[Any], path: str | Path) -> bool:
+def save_picture(fit: _Pictured, scan: np.ndarray, path: str | Path) -> bool:
     """Write a PNG of scan, retrieved model and result side by side, seen by one camera.
 
     Args:
@@ -158,7 +159,7 @@ def _draw_apart(scene: Scene, folder: Path, picture: Path) -> str | None:
     return "pyvista found no graphics library that works (on Debian or Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
 
 
-def _arrays(frame: Frame, mesh: _TriangleMesh) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def _arrays(frame: Frame, mesh: _TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
     vertices = frame.to_unit(np.asarray(mesh.vertices, dtype=np.float64)).astype(np.float32)
     return vertices, np.asarray(mesh.faces, dtype=np.int32)
 

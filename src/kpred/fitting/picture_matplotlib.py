@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kpred.fitting.picture import PICTURE_SIZE, VIEW_DIRECTION, Scene
 
@@ -50,7 +49,7 @@ def draw_scene(scene: Scene, path: Path) -> None:
     figure.savefig(path, dpi=_DPI)
 
 
-def _project(points: NDArray[np.float32], center: NDArray[np.float64]) -> NDArray[np.float64]:
+def _project(points: np.ndarray, center: np.ndarray) -> np.ndarray:
     """(N, 3): right, up and toward the eye, parallel projection."""
     toward = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
     right = np.cross([0.0, 1.0, 0.0], toward)
@@ -58,7 +57,7 @@ def _project(points: NDArray[np.float32], center: NDArray[np.float64]) -> NDArra
     return (points.astype(np.float64) - center) @ np.stack([right, np.cross(toward, right), toward], axis=1)
 
 
-def _brightness(triangles: NDArray[np.float32]) -> NDArray[np.float64]:
+def _brightness(triangles: np.ndarray) -> np.ndarray:
     """(F,) of triangles (F, 3, 3); both sides of a face are lit alike, as winding is not reliable."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).astype(np.float64)
     length = np.linalg.norm(normals, axis=1)

@@ -1,0 +1,217 @@
+"""`kpred database`: the CAD models that are retrieved and deformed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+
+DatabasePath = Annotated[Positional[Path], arg(metavar="DATABASE")]
+Source = Annotated[Positional[Path], arg(metavar="PACK_OR_FOLDER")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Encoding(Command):
+    """What building and adding have in common."""
+
+    category: Annotated[str | None, arg(metavar="NAME")] = None
+    """Take this category only; for a folder that names none, the category of its meshes"""
+    split: Annotated[str | None, arg(metavar="NAME")] = None
+    """Take this split of a pack only: source, train or val"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    batch: Annotated[int, arg(metavar="N")] = 16
+    """Models encoded together and written in one transaction"""
+    seed: Annotated[int, arg(metavar="SEED")] = 0
+    """Of the points sampled on the models"""
+
+    def encode(self, output: Output, source: Path, file: Path, resume: bool) -> None:
+        """Encode the shapes of `source` into `file`, with a progress bar, and print what was done."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.database import build_database
+        from kpred.errors import DatabaseError
+        from kpred.nn import load_model
+        from kpred.shapes import open_shapes
+
+        unreadable: list[str] = []
+        shapes = open_shapes(source, self.category, self.split, report=unreadable.append)
+        model = load_model(self.model)
+        with ProgressBar() as bar:
+            report = build_database(
+                file,
+                shapes,
+                model,
+                batch=self.batch,
+                seed=self.seed,
+                resume=resume,
+                progress=lambda done: bar.update("encoding models", done),
+            )
+        left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
+        if not report.added and not report.skipped_present:
+            why = left_out[0] if left_out else "no shape of that category and split is there"
+            raise DatabaseError(f"{source}: nothing could be put into {file}; {why}")
+        facts = {"path": file, "added": report.added, "present": report.skipped_present, "left_out": left_out}
+        output.result(facts)
+        for sentence in left_out[:10]:
+            output.note(f"left out: {sentence}")
+        if len(left_out) > 10:
+            output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
+        output.note(f"{file}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildCommand(_Encoding):
+    """Build a database from a mesh pack, a folder of packs or a folder of meshes.
+
+    A build that was stopped goes on where it was when the same command is given again.
+
+    examples:
+      kpred database build meshes/ -o mine.kpred
+      kpred database build chair.npz --split source -o chairs.kpred
+      kpred database build my_chairs/ --category chair --model runs/chair/model -o chairs.kpred
+    """
+
+    source: Source
+    """Mesh pack (.npz), folder of packs, or folder of .obj .glb .gltf .ply .stl .off files"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
+    """The database to write (.kpred)"""
+    resume: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Build anew beside an existing file and take its place at the end"""
+
+    def run(self, output: Output) -> None:
+        """Build and print the numbers."""
+        self.encode(output, self.source, self.output, self.resume)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AddCommand(_Encoding):
+    """Add the models of a mesh pack or folder to an existing database.
+
+    examples:
+      kpred database add mine.kpred more_chairs/ --category chair
+      kpred database add mine.kpred table.npz --split source
+    """
+
+    file: DatabasePath
+    """An existing database"""
+    source: Source
+    """Mesh pack (.npz), folder of packs, or folder of meshes"""
+
+    def run(self, output: Output) -> None:
+        """Add and print the numbers."""
+        from kpred.errors import DatabaseError
+
+        if not self.file.exists():
+            raise DatabaseError(f"{self.file}: there is no such database; `kpred database build` makes one.")
+        self.encode(output, self.source, self.file, resume=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoveCommand(Command):
+    """Remove models from a database by their ids; all of them or, when one is not there, none.
+
+    examples:
+      kpred database remove mine.kpred chair_0001 chair_0007
+    """
+
+    file: DatabasePath
+    """An existing database"""
+    model_ids: Annotated[Positional[tuple[str, ...]], arg(metavar="MODEL_ID [MODEL_ID ...]", help_behavior_hint="")]
+    """Ids of the models"""
+
+    def run(self, output: Output) -> None:
+        """Remove and print the number."""
+        from kpred.database import Database
+
+        if not self.model_ids:
+            raise UsageError("no model was named; `kpred database search` and `info` show what there is")
+        with Database.open(self.file) as database:
+            removed = database.remove(self.model_ids)
+        output.result({"path": self.file, "removed": removed})
+        output.note(f"{self.file}: {removed} removed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class InfoCommand(Command):
+    """Say what a database holds, and which weights made it.
+
+    examples:
+      kpred database info mine.kpred
+      kpred database info mine.kpred --ids --json
+    """
+
+    file: DatabasePath
+    """An existing database"""
+    ids: Annotated[bool, arg(help_behavior_hint="")] = False
+    """List the ids of the models too"""
+
+    def run(self, output: Output) -> None:
+        """Print the facts."""
+        from kpred.database import Database
+
+        with Database.open(self.file, read_only=True) as database:
+            facts = database.info()
+            ids = {name: database.model_ids(name) for name in facts["categories"]} if self.ids else {}
+        output.result(facts | ({"model_ids": ids} if self.ids else {}))
+        rows = [
+            (name, c["models"], c["keypoints"], c["token_size"], c["model_name"], c["fingerprint"])
+            for name, c in facts["categories"].items()
+        ]
+        title = f"{facts['path']}: {facts['models']} models, {facts['bytes'] / 1e6:.1f} MB"
+        output.table(title, ["category", "models", "keypoints", "token", "model", "weights"], rows)
+        for name, model_ids in ids.items():
+            output.note("\n".join(f"{name}  {model_id}" for model_id in model_ids))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchCommand(Command):
+    """List the models of a database that retrieval finds for a scan, nearest first.
+
+    examples:
+      kpred database search mine.kpred chair.ply --category chair
+      kpred database search mine.kpred scan.npy --top-k 25 --json
+    """
+
+    file: DatabasePath
+    """An existing database"""
+    scan: Annotated[Positional[Path], arg(metavar="SCAN")]
+    """Point cloud or mesh of one object"""
+    category: Annotated[str | None, arg(metavar="NAME")] = None
+    """Search this category; without it, the one that fits best"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    top_k: Annotated[int, arg(metavar="K")] = 10
+    """How many models to list"""
+
+    def run(self, output: Output) -> None:
+        """Search and print the models."""
+        from kpred.database import Database
+        from kpred.fitting import fit
+        from kpred.nn import load_model
+        from kpred.shapes import read_scan
+
+        scan = read_scan(self.scan)
+        with Database.open(self.file, read_only=True) as database:
+            model = load_model(self.model)
+            result = fit(scan, model, database, category=self.category, top_k=self.top_k, refine=False)
+        rows = [
+            {"rank": rank, "model_id": found.model_id, "category": found.category, "error": found.error}
+            for rank, found in enumerate(result.candidates, start=1)
+        ]
+        output.result(rows)
+        output.table(f"models for {self.scan}", list(rows[0]), [list(row.values()) for row in rows])
+
+
+COMMAND: dict[str, type[Command]] = {
+    "build": BuildCommand,
+    "add": AddCommand,
+    "remove": RemoveCommand,
+    "info": InfoCommand,
+    "search": SearchCommand,
+}

@@ -1,0 +1,58 @@
+"""Progress bars of long commands: done, speed, time left; on standard error, so that results can be piped."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+class ProgressBar:
+    """One bar a task, made when the task is first heard of; a terminal sees it move, a log file sees nothing of it."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            SpinnerColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        self._tasks: dict[str, int] = {}
+        self._progress: Progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[speed]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=Console(stderr=True),
+        )
+
+    def __enter__(self) -> ProgressBar:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def update(self, task: str, done: int, total: int | None = None, note: str = "") -> None:
+        """Show that `done` of `total` of a task are done."""
+        from rich.progress import TaskID
+
+        if task not in self._tasks:
+            self._tasks[task] = int(self._progress.add_task(task, total=total, completed=done, speed="", note=""))
+        number = TaskID(self._tasks[task])
+        rate = self._progress.tasks[number].speed
+        speed = f"{rate:.1f} it/s" if rate else ""
+        self._progress.update(number, completed=done, total=total, speed=speed, note=note)

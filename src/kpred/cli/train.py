@@ -1,0 +1,177 @@
+"""`kpred train`: the three stages of one category's networks."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+from kpred.nn.config import PRESETS, ModelConfig
+from kpred.training.config import PAPER, TrainConfig
+
+STAGES = ("deformation", "retrieval", "partial")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TrainCommand(Command):
+    """What the commands of all stages share."""
+
+    stages: ClassVar[tuple[str, ...]] = STAGES
+
+    packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
+    """Mesh packs (.npz) of one category; the splits source and train are used"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")]
+    """Run folder: checkpoints, TensorBoard log, weights in FOLDER/model"""
+    preset: Literal["kp-red-plus", "kp-red"] = "kp-red-plus"
+    """Where the settings start: this project's, or those of the paper; options below change single ones"""
+    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
+    """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
+    threads: Annotated[int | None, arg(metavar="N")] = None
+    """CPU threads; without it, as many as torch chooses"""
+    source_split: Annotated[str | None, arg(metavar="NAME")] = None
+    """Deform shapes of this split only (the paper: source)"""
+    resume: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Start anew in a folder that holds a stopped run, and not where it stopped"""
+    model: ModelConfig = field(default_factory=lambda: ModelConfig(category=""))
+    training: Annotated[TrainConfig, arg(name="")] = field(default_factory=TrainConfig)
+
+    def run(self, output: Output) -> None:
+        """Train with a progress bar; print where the weights are."""
+        import torch
+
+        from kpred.cli.progress import ProgressBar
+        from kpred.errors import ConfigError
+        from kpred.shapes.pack import MeshPack
+        from kpred.training.run import train
+
+        if not self.packs:
+            raise UsageError(f"no pack was named; try `kpred train {self.stages[0]} PACK.npz -o FOLDER`")
+        packs = [MeshPack.load(path) for path in self.packs]
+        categories = sorted({pack.category for pack in packs} | ({self.model.category} - {""}))
+        if len(categories) > 1:
+            raise ConfigError(f"A run trains one category, but was given {', '.join(categories)}; give packs of one.")
+        if self.threads is not None:
+            torch.set_num_threads(self.threads)
+        began = time.perf_counter()
+        last: dict[str, dict[str, float]] = {}
+        with ProgressBar() as bar:
+
+            def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+                last[stage] = losses
+                bar.update(stage, done, total, " ".join(f"{name} {value:.3g}" for name, value in losses.items()))
+
+            train(
+                packs,
+                dataclasses.replace(self.model, category=categories[0]),
+                self.training,
+                self.output,
+                stages=self.stages,
+                device=_device(self.device),
+                source_split=self.source_split,
+                progress=bar.update,
+                report=report,
+                resume=self.resume,
+            )
+        seconds = time.perf_counter() - began
+        weights = self.output / "model"
+        output.result({"model": weights, "category": categories[0], "seconds": seconds, "last_losses": last})
+        rows = [(stage, name, value) for stage, losses in last.items() for name, value in losses.items()]
+        if rows:
+            output.table("last step", ["stage", "loss", "value"], rows)
+        output.note(f"weights: {weights} ({seconds:.0f} s)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeformationCommand(_TrainCommand):
+    """Train keypoints and influence: the first stage.
+
+    A run that was stopped (Ctrl-C, a killed machine) goes on exactly where it was when the same command is given again.
+
+    examples:
+      kpred train deformation chair.npz -o runs/chair
+      kpred train deformation chair.npz -o runs/paper --preset kp-red --deformation.steps 100000
+    """
+
+    stages: ClassVar[tuple[str, ...]] = ("deformation",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetrievalCommand(_TrainCommand):
+    """Train retrieval tokens in a run folder where deformation was trained: the second stage.
+
+    examples:
+      kpred train retrieval chair.npz -o runs/chair
+      kpred train retrieval chair.npz -o runs/chair --retrieval.learning-rate 0.01
+    """
+
+    stages: ClassVar[tuple[str, ...]] = ("retrieval",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartialCommand(_TrainCommand):
+    """Train the networks for partial scans in a run folder where retrieval was trained: the third stage.
+
+    examples:
+      kpred train partial chair.npz -o runs/chair
+      kpred train partial chair.npz -o runs/chair --occlusion 0.25 0.75
+    """
+
+    stages: ClassVar[tuple[str, ...]] = ("partial",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllCommand(_TrainCommand):
+    """Train the three stages one after the other.
+
+    A run that was stopped (Ctrl-C, a killed machine) goes on exactly where it was when the same command is given again.
+
+    examples:
+      kpred train all chair.npz -o runs/chair
+      kpred train all chair.npz more_chairs.npz -o runs/chair --device cuda --precision bfloat16
+      kpred train all chair.npz -o runs/without-attention --model.no-self-attention
+      kpred train all chair.npz -o runs/short --deformation.steps 500 --retrieval.steps 500 --partial.steps 500
+    """
+
+
+def default(kind: type[Command], words: list[str]) -> Command:
+    """The command with the settings of the preset that `words` name, for the single options to change."""
+    named = [b for a, b in zip(words, words[1:], strict=False) if a == "--preset"]
+    named += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
+    preset = named[-1] if named and named[-1] in PRESETS else "kp-red-plus"
+    return kind(
+        packs=(),
+        output=tyro.MISSING,
+        preset=preset,
+        model=ModelConfig(category="", **PRESETS[preset]),
+        training=PAPER if preset == "kp-red" else TrainConfig(),
+    )  # type: ignore[call-arg]
+
+
+def _device(name: str) -> str:
+    import torch
+
+    from kpred.errors import ConfigError
+
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.empty(0, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise ConfigError(f"The device {name} is not there or unknown; use --device cpu, or auto.") from error
+    return name
+
+
+COMMAND: dict[str, type[Command]] = {
+    "deformation": DeformationCommand,
+    "retrieval": RetrievalCommand,
+    "partial": PartialCommand,
+    "all": AllCommand,
+}
