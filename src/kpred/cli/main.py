@@ -11,7 +11,7 @@ import traceback
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from kpred import __version__
 from kpred.cli.usage import UsageError
@@ -102,11 +102,12 @@ def _run(name: str, words: list[str]) -> int:
         name, kind, words = f"{name} {words[0]}", found[words[0]], words[1:]
     else:
         kind = found
-    command = tyro.cli(
+    start: Any = module.default(kind, words) if hasattr(module, "default") else None
+    command: Command = tyro.cli(
         kind,
         prog=f"kpred {name}",
         args=words,
-        default=module.default(kind, words) if hasattr(module, "default") else None,
+        default=start,
         config=(tyro.conf.FlagCreatePairsOff,),
     )
     command.run(Output(as_json=command.json))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-import tyro
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
@@ -28,8 +27,8 @@ class _TrainCommand(Command):
 
     packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
     """Mesh packs (.npz) of one category; the splits source and train are used"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")]
-    """Run folder: checkpoints, TensorBoard log, weights in FOLDER/model"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="FOLDER")] = None
+    """Run folder: checkpoints, TensorBoard log, weights in FOLDER/model; without it, runs/CATEGORY"""
     preset: Literal["kp-red-plus", "kp-red"] = "kp-red-plus"
     """Where the settings start: this project's, or those of the paper; options below change single ones"""
     device: Annotated[str, arg(metavar="DEVICE")] = "auto"
@@ -60,6 +59,7 @@ class _TrainCommand(Command):
             raise ConfigError(f"A run trains one category, but was given {', '.join(categories)}; give packs of one.")
         if self.threads is not None:
             torch.set_num_threads(self.threads)
+        folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}
         with ProgressBar() as bar:
@@ -72,7 +72,7 @@ class _TrainCommand(Command):
                 packs,
                 dataclasses.replace(self.model, category=categories[0]),
                 self.training,
-                self.output,
+                folder,
                 stages=self.stages,
                 device=_device(self.device),
                 source_split=self.source_split,
@@ -81,7 +81,7 @@ class _TrainCommand(Command):
                 resume=self.resume,
             )
         seconds = time.perf_counter() - began
-        weights = self.output / "model"
+        weights = folder / "model"
         output.result({"model": weights, "category": categories[0], "seconds": seconds, "last_losses": last})
         rows = [(stage, name, value) for stage, losses in last.items() for name, value in losses.items()]
         if rows:
@@ -148,7 +148,6 @@ def default(kind: type[Command], words: list[str]) -> Command:
     preset = named[-1] if named and named[-1] in PRESETS else "kp-red-plus"
     return kind(
         packs=(),
-        output=tyro.MISSING,
         preset=preset,
         model=ModelConfig(category="", **PRESETS[preset]),
         training=PAPER if preset == "kp-red" else TrainConfig(),
