@@ -7,16 +7,17 @@ import subprocess
 import sys
 from contextlib import closing
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from kpred.database import Database
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
+from kpred.nn import KPRed, Model, ModelConfig
 
 
 @pytest.fixture
@@ -164,21 +165,21 @@ def test_removed_models_leave_nothing_behind_and_free_their_category(filled, ran
             assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (0,)
 
 
-def test_other_weights_are_refused(filled):
-    def network(category, fingerprint):
-        return SimpleNamespace(config=SimpleNamespace(category=category), fingerprint=fingerprint)
+def test_other_weights_are_refused(path, random_entry):
+    def network(category, seed):
+        torch.manual_seed(seed)
+        return KPRed(ModelConfig(category, token_size=8, width=16, stages=1))
 
-    class TwoNetworks(dict):
-        categories = ("chair", "table")
-
-    right = {"chair": network("chair", "weights-a"), "table": network("table", "weights-t")}
-    with Database.open(filled) as database:
-        database.check_model(TwoNetworks(right))
-        database.check_model(right["chair"])
-        with pytest.raises(DatabaseError, match="weights-t.*weights-z"):
-            database.check_model(TwoNetworks({**right, "table": network("table", "weights-z")}))
+    chair, table, other = network("chair", 0), network("table", 1), network("table", 2)
+    with Database.create(path) as database:
+        database.add([random_entry("a", "chair", fingerprint=chair.fingerprint())])
+        database.add([random_entry("b", "table", fingerprint=table.fingerprint())])
+        database.check_model(Model("right", {"chair": chair, "table": table}))
+        database.check_model(chair)
+        with pytest.raises(DatabaseError, match=f"{table.fingerprint()}.*{other.fingerprint()}"):
+            database.check_model(Model("wrong", {"chair": chair, "table": other}))
         with pytest.raises(DatabaseError, match="sofa"):
-            database.check_model(network("sofa", "weights-a"))
+            database.check_model(network("sofa", 0))
 
 
 def test_missing_and_existing_files(path):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from kpred.database.build import BuildReport as BuildReport
     from kpred.database.build import build_database as build_database
+    from kpred.database.encode import deformation_basis as deformation_basis
     from kpred.database.encode import encode_models as encode_models
     from kpred.database.entry import Entry as Entry
     from kpred.database.search import SearchResult as SearchResult
@@ -24,6 +25,7 @@ _HOME = {
     "Entry": "entry",
     "SearchResult": "search",
     "build_database": "build",
+    "deformation_basis": "encode",
     "encode_models": "encode",
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +30,7 @@ from kpred.database.rows import (
 from kpred.database.schema import CategoryRow, InfoRow, ModelRow
 from kpred.database.search import SearchResult, TokenIndex
 from kpred.errors import DatabaseError
+from kpred.nn import KPRed
 
 _CACHED_MODELS = 4096
 """Models whose points and basis are kept in memory: about 120 kB each."""
@@ -246,20 +247,21 @@ class Database:
             "categories": categories,
         }
 
-    def check_model(self, model: Any) -> None:
-        """Raise DatabaseError when other weights made this database than those of `model` (a `Model` or a `KPRed`).
+    def check_model(self, model: Mapping[str, KPRed] | KPRed) -> None:
+        """Raise DatabaseError when other weights made this database than those of `model`.
 
         Categories that only one of the two has are no error, as long as there is one that both have.
         """
         with self._transaction() as connection:
             rows = connection.execute(select(CategoryRow)).all()
-        networks = _networks(model)
+        networks = {model.config.category: model} if isinstance(model, KPRed) else dict(model)
         for row in rows:
-            if row.name in networks and networks[row.name].fingerprint != row.fingerprint:
+            loaded = networks[row.name].fingerprint() if row.name in networks else row.fingerprint
+            if loaded != row.fingerprint:
                 raise DatabaseError(
                     f"Database {self.path} was made by other weights: its {row.name} tokens by {row.fingerprint} "
-                    f"({row.model_name or 'unnamed'}), the model loaded is {networks[row.name].fingerprint}; "
-                    "load that model, or build the database again with this one."
+                    f"({row.model_name or 'unnamed'}), the model loaded is {loaded}; load that model, or build the "
+                    "database again with this one."
                 )
         if rows and not any(row.name in networks for row in rows):
             raise DatabaseError(
@@ -318,9 +320,3 @@ class Database:
     def _unknown(self, model_ids: Collection[str]) -> DatabaseError:
         name = sorted(model_ids)[0]
         return DatabaseError(f"Database {self.path} has no model {name!r}; 'kpred database info' tells what it holds.")
-
-
-def _networks(model: Any) -> dict[str, Any]:
-    if hasattr(model, "config"):
-        return {model.config.category: model}
-    return {name: model[name] for name in model.categories}

@@ -1,0 +1,150 @@
+"""Building a database file from meshes, batch by batch, so that a killed build goes on where it stopped."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from kpred.database.connection import explained
+from kpred.database.encode import PreparedMesh, encode_prepared, prepare_mesh
+from kpred.database.store import Database
+from kpred.errors import DatabaseError, MeshError
+from kpred.nn import KPRed
+from kpred.shapes.mesh import Mesh
+
+
+@dataclass
+class BuildReport:
+    """What a build did.
+
+    Attributes:
+        added: models encoded and put into the file.
+        skipped_present: models whose id was in the file already.
+        failed: (model id, reason) of the models left out.
+    """
+
+    added: int = 0
+    skipped_present: int = 0
+    failed: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def handled(self) -> int:
+        """Models that are done with, one way or another."""
+        return self.added + self.skipped_present + len(self.failed)
+
+
+def build_database(
+    path: str | os.PathLike[str],
+    shapes: Iterable[tuple[str, str, str, Mesh]],
+    model: Mapping[str, KPRed],
+    batch: int = 16,
+    seed: int = 0,
+    resume: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> BuildReport:
+    """Encode shapes (model id, category, split, mesh) and put them into the database at `path`.
+
+    Every `batch` models of a category are one transaction. With `resume` an existing file is added to, and models that
+    are in it are skipped: a build that was killed goes on and ends with the content of one that was not. Without it
+    the database is built beside an existing file and takes its place at the end. Broken meshes, and models of
+    categories that the model does not know, are left out and listed. The split is recorded as metadata.
+
+    Args:
+        path: the file, made when it does not exist.
+        shapes: read one at a time.
+        model: a `kpred.nn.Model`, or a mapping from category to network.
+        batch: models encoded together.
+        seed: of the points sampled on the models.
+        resume: see above.
+        progress: called with the number of shapes that are done with, after each of them and after each batch.
+
+    Raises:
+        DatabaseError: the file is not a database, was made by other weights, is locked or cannot be written.
+    """
+    target = Path(path)
+    if batch < 1:
+        raise DatabaseError(f"Database {target}: a batch needs at least 1 model, not {batch}.")
+    if resume or not target.exists():
+        database = Database.open(target) if target.exists() else Database.create(target)
+        with database:
+            return _Build(database, model, batch, seed, progress).run(shapes)
+    with explained(target), tempfile.TemporaryDirectory(prefix=".kpred-", dir=target.parent) as folder:
+        with Database.create(Path(folder) / target.name) as database:
+            report = _Build(database, model, batch, seed, progress).run(shapes)
+        os.replace(database.path, target)
+    return report
+
+
+class _Build:
+    """One run of a build: what is waiting in each category, and the report."""
+
+    def __init__(
+        self,
+        database: Database,
+        model: Mapping[str, KPRed],
+        batch: int,
+        seed: int,
+        progress: Callable[[int], None] | None,
+    ) -> None:
+        database.check_model(model)
+        self.database = database
+        self.networks = dict(model)
+        self.model_name = str(getattr(model, "name", ""))
+        self.batch = batch
+        self.seed = seed
+        self.progress = progress
+        self.report = BuildReport()
+        self.seen = set(database.model_ids())
+        self.present = frozenset(self.seen)
+        self.waiting: dict[str, list[tuple[PreparedMesh, dict[str, str]]]] = {}
+
+    def run(self, shapes: Iterable[tuple[str, str, str, Mesh]]) -> BuildReport:
+        for model_id, category, split, mesh in shapes:
+            # Meshes are prepared before they count toward a batch: a broken one then leaves the batches as they are,
+            # also when it is tried again by a build that goes on.
+            self._take(model_id, category, split, mesh)
+            if len(self.waiting.get(category, ())) >= self.batch:
+                self._commit(category)
+            self._tell()
+        for category in list(self.waiting):
+            self._commit(category)
+            self._tell()
+        return self.report
+
+    def _take(self, model_id: str, category: str, split: str, mesh: Mesh) -> None:
+        if model_id in self.present:
+            self.report.skipped_present += 1
+            return
+        if model_id in self.seen:
+            self.report.failed.append((model_id, "another shape of this source has the same id"))
+            return
+        self.seen.add(model_id)
+        if category not in self.networks:
+            self.report.failed.append((model_id, f"the model knows no category {category!r}"))
+            return
+        try:
+            prepared = prepare_mesh(mesh, model_id, self.seed)
+        except MeshError as error:
+            self.report.failed.append((model_id, str(error)))
+            return
+        self.waiting.setdefault(category, []).append((prepared, {"split": split}))
+
+    def _commit(self, category: str) -> None:
+        waiting = self.waiting.pop(category, [])
+        network = self.networks[category]
+        entries = []
+        for entry in encode_prepared([item for item, _ in waiting], network, [meta for _, meta in waiting]):
+            try:
+                entry.check()
+            except DatabaseError as error:
+                self.report.failed.append((entry.model_id, str(error)))
+            else:
+                entries.append(entry)
+        self.report.added += self.database.add(entries, model_name=self.model_name)
+
+    def _tell(self) -> None:
+        if self.progress is not None:
+            self.progress(self.report.handled)

@@ -1,0 +1,138 @@
+"""From a CAD mesh to a database entry: all that depends on the source shape alone, computed once (paper Sec. 3.1, 3.2).
+
+mesh -> unit box -> 2048 points -> keypoints, tokens, cage and influence (network) -> deformation basis = mean value
+coordinates x influence^T, for the points and for the mesh's vertices.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from kpred.database.entry import Entry
+from kpred.errors import MeshError, ScanError
+from kpred.nn import KPRed
+from kpred.ops.cage import icosphere
+from kpred.ops.frames import Frame, unit_box_frame
+from kpred.ops.mean_value import mean_value_coordinates
+from kpred.ops.sampling import sample_surface
+from kpred.ops.typing import Float
+from kpred.shapes.mesh import Mesh, clean_mesh
+
+POINTS = 2048
+"""Points sampled on a model (paper: N_P)."""
+
+_VERTEX_CHUNK = 20_000
+"""Mesh vertices whose coordinates in the cage are held at once: some ten megabytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMesh:
+    """A mesh made ready for the networks.
+
+    Attributes:
+        model_id: its name in the database, which also seeds its sampling.
+        mesh: without faces of zero area and unused vertices, in its own frame and units.
+        frame: from there into the unit box.
+        vertices: (V, 3) float32, unit box.
+        points: (2048, 3) float32, unit box.
+    """
+
+    model_id: str
+    mesh: Mesh
+    frame: Frame
+    vertices: Tensor
+    points: Tensor
+
+
+def prepare_mesh(mesh: Mesh, model_id: str, seed: int) -> PreparedMesh:
+    """Clean a mesh, put it into its unit box and sample it; the points depend on mesh, id and seed alone.
+
+    Raises:
+        MeshError: no face has an area, or the box has no size.
+    """
+    mesh = clean_mesh(replace(mesh, name=model_id))
+    try:
+        frame = unit_box_frame(mesh.vertices)
+    except ScanError as error:
+        raise MeshError(f"{model_id}: it has no size; give a mesh with at least one proper triangle.") from error
+    vertices = torch.from_numpy(frame.to_unit(mesh.vertices.astype(np.float64)).astype(np.float32))
+    # torch keeps 32 bits of a seed on the CPU, so both go into one checksum.
+    generator = torch.Generator().manual_seed(zlib.crc32(f"{seed} {model_id}".encode()))
+    points, _ = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), POINTS, generator)
+    return PreparedMesh(model_id, mesh, frame, vertices, points)
+
+
+def encode_models(
+    meshes: Sequence[Mesh],
+    model_ids: Sequence[str],
+    network: KPRed,
+    seed: int,
+    metadata: Sequence[dict[str, str]] | None = None,
+) -> list[Entry]:
+    """Entries of meshes of the network's category, in one batch, on the network's device.
+
+    `seed`: of the sampling; each model's points depend on it and on the model's id alone, not on the others.
+    `metadata`: recorded with each model; none by default.
+    The entries are as a database gives them back (`Entry.rounded`).
+
+    Raises:
+        MeshError: a mesh has no face with an area.
+    """
+    if not len(meshes) == len(model_ids) == len(metadata or meshes):
+        raise ValueError(f"{len(meshes)} meshes, {len(model_ids)} ids and {len(metadata or meshes)} metadata")
+    prepared = [prepare_mesh(mesh, name, seed) for mesh, name in zip(meshes, model_ids, strict=True)]
+    return encode_prepared(prepared, network, metadata)
+
+
+@torch.no_grad()
+def encode_prepared(
+    prepared: Sequence[PreparedMesh], network: KPRed, metadata: Sequence[dict[str, str]] | None = None
+) -> list[Entry]:
+    """`encode_models` after `prepare_mesh`."""
+    if not prepared:
+        return []
+    device = next(network.parameters()).device
+    points = torch.stack([item.points for item in prepared]).to(device)
+    keypoints = network.keypoints(points)
+    tokens = network.retrieval_tokens(points, keypoints)
+    cage = network.cage(points)
+    influence = network.influence(points, keypoints, cage)
+    fingerprint = network.fingerprint()
+    entries = []
+    for row, item in enumerate(prepared):
+        entry = Entry(
+            model_id=item.model_id,
+            category=network.config.category,
+            mesh=item.mesh,
+            frame=item.frame,
+            metadata=dict(metadata[row]) if metadata is not None else {},
+            points=item.points.numpy(),
+            keypoints=keypoints[row].cpu().numpy(),
+            tokens=tokens[row].cpu().numpy(),
+            point_basis=deformation_basis(points[row], cage[row], influence[row], network).cpu().numpy(),
+            vertex_basis=deformation_basis(item.vertices.to(device), cage[row], influence[row], network).cpu().numpy(),
+            fingerprint=fingerprint,
+        )
+        entries.append(entry.rounded())
+    return entries
+
+
+def deformation_basis(
+    positions: Float[Tensor, "positions 3"],
+    cage: Float[Tensor, "vertices 3"],
+    influence: Float[Tensor, "keypoints vertices"],
+    network: KPRed,
+) -> Float[Tensor, "positions keypoints"]:
+    """B = W I^T, so that deformed positions are positions + B (K_target - K_source); all in the unit box."""
+    faces = icosphere(network.config.cage_subdivisions)[1].to(positions.device)
+    parts = [
+        mean_value_coordinates(part[None], cage[None], faces)[0] @ influence.T
+        for part in positions.split(_VERTEX_CHUNK)
+    ]
+    return torch.cat(parts)
