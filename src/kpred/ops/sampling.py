@@ -15,7 +15,7 @@ def sample_surface(
     count: int,
     generator: torch.Generator | None = None,
 ) -> tuple[Float[Tensor, "count 3"], Int[Tensor, " count"]]:
-    """Draw points uniformly by area on a triangle mesh, in the mesh's own frame and units.
+    """Draw points uniformly by area on a triangle mesh, in the mesh's own frame and units, in random order.
 
     Returns:
         The points and the face that each lies on.
@@ -32,6 +32,8 @@ def sample_surface(
     jitter = torch.rand(count, generator=generator, dtype=torch.float64, device=vertices.device)
     strata = torch.arange(count, dtype=torch.float64, device=vertices.device)
     position = (strata + jitter) / count * cumulative[-1]
+    # In random order, so that the first points are a fair sample too.
+    position = position[torch.randperm(count, generator=generator, device=vertices.device)]
     face = torch.searchsorted(cumulative, position).clamp(max=len(cumulative) - 1)
     u, v = torch.rand(2, count, 1, generator=generator, dtype=vertices.dtype, device=vertices.device)
     root = u.sqrt()
