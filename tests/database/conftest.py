@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
+import numba
 import numpy as np
 import pytest
+import torch
 
 from kpred.database.entry import Entry
 from kpred.ops.frames import Frame
@@ -69,6 +71,17 @@ def assert_same(a: Entry, b: Entry) -> None:
         assert left.dtype == right.dtype, name
         np.testing.assert_array_equal(left, right, err_msg=name)
     assert a.frame.scale == b.frame.scale
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> Iterator[None]:
+    """The arrays here are too small to share between threads, and threads wait for each other on a busy machine."""
+    before = numba.get_num_threads(), torch.get_num_threads()
+    numba.set_num_threads(1)
+    torch.set_num_threads(1)
+    yield
+    numba.set_num_threads(before[0])
+    torch.set_num_threads(before[1])
 
 
 @pytest.fixture(name="random_entry", scope="session")

@@ -40,10 +40,7 @@ def weights(tmp_path_factory):
 @pytest.fixture
 def model(weights, monkeypatch):
     monkeypatch.setattr("kpred.database.encode.POINTS", POINTS)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield load_model(weights)
-    torch.set_num_threads(threads)
+    return load_model(weights)
 
 
 def assert_same_content(left, right, assert_same):
@@ -90,7 +87,8 @@ def test_a_second_build_adds_only_what_is_new(tmp_path, model, assert_same):
 KILLED = """
 import os, sys
 sys.path.insert(0, sys.argv[5])
-import torch
+import numba, torch
+numba.set_num_threads(1)
 torch.set_num_threads(1)
 from test_build import POINTS, shapes
 from kpred.database import build_database, encode
