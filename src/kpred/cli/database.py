@@ -40,6 +40,7 @@ class _Encoding(Command):
         from kpred.shapes import open_shapes
 
         unreadable: list[str] = []
+        is_new = not file.exists()
         shapes = open_shapes(source, self.category, self.split, report=unreadable.append)
         model = load_model(self.model)
         with ProgressBar() as bar:
@@ -54,6 +55,8 @@ class _Encoding(Command):
             )
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
         if not report.added and not report.skipped_present:
+            if is_new:
+                file.unlink(missing_ok=True)
             why = left_out[0] if left_out else "no shape of that category and split is there"
             raise DatabaseError(f"{source}: nothing could be put into {file}; {why}")
         facts = {"path": file, "added": report.added, "present": report.skipped_present, "left_out": left_out}

@@ -66,7 +66,7 @@ class _TrainCommand(Command):
 
             def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
                 last[stage] = losses
-                bar.update(stage, done, total, " ".join(f"{name} {value:.3g}" for name, value in losses.items()))
+                bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
 
             train(
                 packs,
