@@ -73,7 +73,8 @@ def _straight_runs(part: Part) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         yield part.vertices, part.axes
         return
     rings = part.vertices.reshape(-1, part.ring, 3)
-    middles = rings.mean(axis=1)
+    # The first side of the section, not its middle: a wall whose upper edge slopes still has upright pieces.
+    middles = rings[:, :2].mean(axis=1)
     steps = np.diff(middles, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     if lengths.min() < 1e-9:

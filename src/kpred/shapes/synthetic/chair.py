@@ -1,4 +1,4 @@
-"""All structural families of chairs by name."""
+"""All structural families of chairs by name, each shape stretched a little along its axes."""
 
 from __future__ import annotations
 
@@ -6,15 +6,33 @@ from collections.abc import Callable
 
 import numpy as np
 
+from kpred.shapes.synthetic.chair_blocks import BLOCK_FAMILIES
 from kpred.shapes.synthetic.chair_modern import MODERN_FAMILIES
 from kpred.shapes.synthetic.chair_shells import SHELL_FAMILIES
 from kpred.shapes.synthetic.chair_upholstered import UPHOLSTERED_FAMILIES
 from kpred.shapes.synthetic.chair_wooden import WOODEN_FAMILIES
 from kpred.shapes.synthetic.parts import Part
 
-CHAIR_FAMILIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
-    **WOODEN_FAMILIES,
-    **MODERN_FAMILIES,
-    **SHELL_FAMILIES,
-    **UPHOLSTERED_FAMILIES,
+Family = Callable[[np.random.Generator], list[Part]]
+
+
+def _stretched(family: Family) -> Family:
+    """The family with its shapes scaled at random, by about 7 % along each axis on its own."""
+
+    def build(rng: np.random.Generator) -> list[Part]:
+        factors = np.exp(np.clip(rng.normal(0.0, 0.07, 3), -0.2, 0.2))
+        return [part.scaled(factors) for part in family(rng)]
+
+    return build
+
+
+CHAIR_FAMILIES: dict[str, Family] = {
+    name: _stretched(family)
+    for name, family in {
+        **WOODEN_FAMILIES,
+        **MODERN_FAMILIES,
+        **SHELL_FAMILIES,
+        **UPHOLSTERED_FAMILIES,
+        **BLOCK_FAMILIES,
+    }.items()
 }

@@ -60,7 +60,9 @@ def tulip_base(rng: np.random.Generator, height: float, radius: float) -> list[P
     high = [
         (neck + (radius * 0.55 - neck) * s**2, waist + 0.012 + (height - waist - 0.012) * s) for s in (0.4, 0.7, 1.0)
     ]
-    return [lathe([(radius, 0.0), *low, *high], (0.0, 0.0, 0.0), "base", 20)]
+    # Three pieces, so that the boxes of foot, neck and stem are not one block.
+    pieces = ([(radius, 0.0), *low[:3]], low[2:], [low[-1], *high])
+    return [lathe(piece, (0.0, 0.0, 0.0), "base", 20) for piece in pieces]
 
 
 def cross_base(rng: np.random.Generator, height: float, radius: float) -> list[Part]:

@@ -77,7 +77,7 @@ def office_executive(rng: np.random.Generator) -> list[Part]:
     if happens(rng, 0.4):
         tall = between(rng, 0.1, 0.18)
         head = cushion((bend.width * 0.6, thick * 0.8, tall), (0.0, 0.0, 0.0), "head_rest", 0.03, 3).rotated("x", 90.0)
-        place = (0.0, bend.height - tall * between(rng, 0.1, 0.6), thick * 0.6)
+        place = (0.0, bend.height - tall * between(rng, 0.1, 0.6), thick * 0.6 - 0.8 * bend.bow)
         parts.append(replace(bend, bow=0.0, arch=0.0, taper=1.0).apply(head.moved(place)).moved((0.0, seat.top, foot)))
     style = pick(rng, ("pad", "loop", "posts", "sloping"))
     return [
@@ -222,7 +222,7 @@ def lounger(rng: np.random.Generator) -> list[Part]:
             )
     kind = pick(rng, ("sled", "legs", "star"))
     if kind == "sled":
-        parts.append(box((seat.width * 0.8, 0.03, seat.depth * 0.9), (0.0, bottom - 0.005, 0.0), "seat_frame"))
+        parts.append(box((seat.width * 0.95, 0.03, seat.depth * 0.9), (0.0, bottom - 0.005, 0.0), "seat_frame"))
         parts += sled_base(rng, seat.width * 0.8, seat.depth, bottom)
     elif kind == "legs":
         legs = corner_legs(
@@ -237,6 +237,7 @@ def lounger(rng: np.random.Generator) -> list[Part]:
         parts.append(box((seat.width * 0.95, 0.03, seat.depth * 0.95), (0.0, bottom - 0.005, 0.0), "seat_frame"))
         parts += leg_parts(rng, legs, pick(rng, ("round", "cone", "square")))
     else:
+        parts.append(box((seat.width * 0.95, 0.03, seat.depth * 0.4), (0.0, bottom - 0.005, 0.0), "seat_frame"))
         parts += star_base(rng, bottom + 0.01, between(rng, 0.28, 0.36), False)
     if happens(rng, 0.25):
         parts += _ottoman_rest(rng, seat)

@@ -70,10 +70,13 @@ def shell(
         outer = np.column_stack([across * half, lower[:, 1], lower[:, 0]])
         rings.append(np.concatenate([np.column_stack([across * half * inner, upper[:, 1], upper[:, 0]]), outer[::-1]]))
     last = len(across) - 1
-    cap = [
+    quads = [
         quad for i in range(last) for quad in ([i, i + 1, 2 * last + 1 - i], [i + 1, 2 * last - i, 2 * last + 1 - i])
     ]
-    return [loft(np.stack(rings), "shell", np.array(cap))]
+    # Rings begin in the middle of the sheet, whose line tells the runs of seat and back apart.
+    middle_first = np.roll(np.stack(rings), -(last // 2), axis=1)
+    cap = (np.array(quads) - last // 2) % (2 * last + 2)
+    return [loft(middle_first, "shell", cap)]
 
 
 def shell_legs(rng: np.random.Generator) -> list[Part]:

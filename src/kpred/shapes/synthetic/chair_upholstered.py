@@ -1,4 +1,4 @@
-"""Families of upholstered chairs: club and wing chairs, recliners, barrels, sofas, cubes."""
+"""Families of upholstered chairs: club and wing chairs, recliners, barrels, sofas."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kpred.shapes.synthetic.paths import arc
 Family = Callable[[np.random.Generator], list[Part]]
 
 
-def _standing(
+def standing_cushion(
     size: tuple[float, float, float], foot: tuple[float, float, float], lean: float, label: str, radius: float
 ) -> Part:
     """Cushion (width, height, thickness) standing on the middle of its lower edge, leaned to the back by degrees."""
@@ -36,15 +36,15 @@ def _upholstery(
     split_back: bool,
 ) -> list[Part]:
     """Box-like seating with `places` seat cushions of total `width`."""
-    depth = between(rng, 0.5, 0.78)
-    feet = between(rng, 0.03, 0.17)
-    base_top = feet + between(rng, 0.08, 0.22)
-    pad = between(rng, 0.08, 0.2)
+    depth = between(rng, 0.5, 0.92)
+    feet = between(rng, 0.02, 0.2)
+    base_top = feet + between(rng, 0.06, 0.24)
+    pad = between(rng, 0.07, 0.22)
     seat_top = base_top + pad - 0.01
     rise = between(rng, *back_rise)
     tilt = between(rng, *lean)
-    thick = between(rng, 0.1, 0.24)
-    side = between(rng, 0.06, 0.24) if arms else 0.0
+    thick = between(rng, 0.09, 0.3) * depth / 0.75
+    side = between(rng, 0.05, 0.28) if arms else 0.0
     soft = between(rng, 0.015, 0.06)
     rear = -depth / 2.0
     parts = [box((width, base_top - feet, depth), (0.0, (base_top + feet) / 2.0, 0.0), "seat_frame")]
@@ -62,7 +62,7 @@ def _upholstery(
     if split_back or places > 1:
         frame = thick * 0.5
         parts.append(
-            _standing(
+            standing_cushion(
                 (wide, tall * between(rng, 0.75, 0.95), frame),
                 (0.0, feet + 0.02, rear + frame / 2.0),
                 tilt,
@@ -75,12 +75,12 @@ def _upholstery(
             size = (each - 0.004, seat_top + rise - base_top, thick * 0.7)
             shift = -(base_top - feet) * np.tan(np.radians(tilt))
             parts.append(
-                _standing(size, (x, base_top, rear + frame + thick * 0.28 + shift), tilt, "back_cushion", soft)
+                standing_cushion(size, (x, base_top, rear + frame + thick * 0.28 + shift), tilt, "back_cushion", soft)
             )
     else:
-        parts.append(_standing((wide, tall, thick), foot, tilt, "back_cushion", soft))
+        parts.append(standing_cushion((wide, tall, thick), foot, tilt, "back_cushion", soft))
     if arms:
-        top = min(seat_top + between(rng, 0.08, 0.3), seat_top + rise)
+        top = seat_top + min(between(rng, 0.08, 0.3) if happens(rng, 0.75) else rise, rise * 0.93)
         low = feet if happens(rng, 0.7) else max(0.0, feet - 0.03)
         parts += upholstered_sides(rng, width, depth, low, top, side)
     return parts
@@ -118,7 +118,7 @@ def wing(rng: np.random.Generator) -> list[Part]:
     parts = [
         box((width, base_top - feet, depth), (0.0, (base_top + feet) / 2.0, 0.0), "seat_frame"),
         cushion((width, pad, depth * 0.9), (0.0, base_top + pad / 2.0 - 0.01, depth * 0.07), "seat_cushion", 0.04, 3),
-        _standing(
+        standing_cushion(
             (width + 0.01, seat_top + rise - feet, thick),
             (0.0, feet + 0.01, rear + thick / 2.0),
             tilt,
@@ -149,10 +149,11 @@ def recliner(rng: np.random.Generator) -> list[Part]:
     thick, side = between(rng, 0.14, 0.22), between(rng, 0.12, 0.22)
     tilt, rise = between(rng, 15.0, 38.0), between(rng, 0.5, 0.75)
     rear = -depth / 2.0
+    foot = (0.0, seat_top - 0.1, rear + thick / 2.0)
     parts = [
         box((width, seat_top - 0.1 - feet, depth), (0.0, (seat_top - 0.1 + feet) / 2.0, 0.0), "seat_frame"),
         cushion((width, 0.14, depth), (0.0, seat_top - 0.07, 0.0), "seat_cushion", 0.05, 3),
-        _standing((width, rise + 0.1, thick), (0.0, seat_top - 0.1, rear + thick / 2.0), tilt, "back_cushion", 0.06),
+        standing_cushion((width, rise + 0.1, thick), foot, tilt, "back_cushion", 0.06),
         *bracket_feet(width + side, depth, feet + 0.004, rng),
         *upholstered_sides(rng, width, depth, feet, seat_top + between(rng, 0.12, 0.22), side),
     ]
@@ -161,7 +162,9 @@ def recliner(rng: np.random.Generator) -> list[Part]:
         pad = cushion((width * 0.95, 0.1, long), (0.0, 0.0, long / 2.0 - 0.03), "foot_rest", 0.04, 3)
         parts.append(pad.rotated("x", between(rng, -5.0, 40.0)).moved((0.0, seat_top - 0.09, depth / 2.0)))
     if happens(rng, 0.4):
-        head = _standing((width * 0.75, 0.2, thick * 0.5), (0.0, rise - 0.12, thick * 0.55), 0.0, "head_rest", 0.04)
+        head = standing_cushion(
+            (width * 0.75, 0.2, thick * 0.5), (0.0, rise - 0.12, thick * 0.55), 0.0, "head_rest", 0.04
+        )
         parts.append(
             head.rotated("x", -tilt).moved((0.0, seat_top, rear + thick / 2.0 - 0.1 * np.tan(np.radians(tilt))))
         )
@@ -221,35 +224,6 @@ def _ring_feet(rng: np.random.Generator, width: float, depth: float, height: flo
     return parts
 
 
-def cube(rng: np.random.Generator) -> list[Part]:
-    """Plain blocks: thick flat sides, back and seat, as one box cut open at the front."""
-    width, depth = between(rng, 0.5, 0.75), between(rng, 0.5, 0.75)
-    wall = between(rng, 0.03, 0.16)
-    seat_top = between(rng, 0.34, 0.46)
-    thick = between(rng, 0.06, 0.3)
-    height = seat_top + between(rng, 0.18, 0.5)
-    level = happens(rng, 0.6)
-    arm_top = height if level else seat_top + (height - seat_top) * between(rng, 0.4, 0.8)
-    inner = width - 2.0 * wall
-    parts = [
-        box((inner + 0.004, thick, depth - wall + 0.004), (0.0, seat_top - thick / 2.0, wall / 2.0 - 0.002), "seat"),
-        box(
-            (width if not level else inner + 0.004, height, wall),
-            (0.0, height / 2.0, -(depth - wall) / 2.0),
-            "back_panel",
-        ),
-    ]
-    for s in (-1.0, 1.0):
-        parts.append(box((wall, arm_top, depth), (s * (width - wall) / 2.0, arm_top / 2.0, 0.0), "arm"))
-    if happens(rng, 0.4):
-        pad = between(rng, 0.06, 0.12)
-        size = (inner * 0.98, height - seat_top - 0.02, pad)
-        parts.append(
-            _standing(size, (0.0, seat_top - 0.005, -depth / 2.0 + wall + pad / 2.0 - 0.01), 6.0, "back_cushion", 0.03)
-        )
-    return parts
-
-
 def chaise(rng: np.random.Generator) -> list[Part]:
     """Long seat with a back at its rear end and low sides or none."""
     width, depth = between(rng, 0.55, 0.75), between(rng, 1.0, 1.5)
@@ -266,7 +240,7 @@ def chaise(rng: np.random.Generator) -> list[Part]:
     ]
     rise, tilt = between(rng, 0.35, 0.6), between(rng, 10.0, 35.0)
     foot = (0.0, seat_top - 0.06, -depth / 2.0 + thick / 2.0)
-    parts.append(_standing((width, rise + 0.06, thick), foot, tilt, "back_cushion", 0.05))
+    parts.append(standing_cushion((width, rise + 0.06, thick), foot, tilt, "back_cushion", 0.05))
     if happens(rng, 0.5):
         long, tall, side = depth * between(rng, 0.3, 0.6), between(rng, 0.12, 0.25), between(rng, 0.06, 0.12)
         for s in (-1.0, 1.0):
@@ -282,7 +256,6 @@ UPHOLSTERED_FAMILIES: dict[str, Family] = {
     "wing": wing,
     "recliner": recliner,
     "barrel": barrel,
-    "cube": cube,
     "chaise": chaise,
     "sofa_two": sofa_two,
     "sofa_three": sofa_three,

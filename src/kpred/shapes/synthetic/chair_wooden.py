@@ -59,7 +59,7 @@ def _dining(backs: tuple[str, ...], arms: float = 0.25) -> Family:
         style = pick(
             rng,
             ("board", "rounded", "trapezoid", "cushion", "board_cushion", "slatted", "bent"),
-            (3, 2, 2, 2, 1, 0.7, 0.7),
+            (3.0, 2.0, 2.0, 2.0, 1.0, 0.7, 0.7),
         )
         parts = seat_parts(rng, seat, style)
         base, _ = legged_base(rng, seat)

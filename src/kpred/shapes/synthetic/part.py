@@ -47,8 +47,8 @@ class Part:
 
     `vertices` (V, 3) float64, `faces` (F, 3) int64, `label` a word such as "leg".
     `axes` (3, 3): rows are the directions of the part's own box, carried along by rotations.
-    `ring`: number of vertices in each cross-section when the part is a sweep (its first vertices are the rings,
-    one after the other), else 0.
+    `ring`: number of vertices in each cross-section when the part is a sweep (its vertices are the rings, one after
+    the other; the middle of a ring's first side traces the sweep), else 0.
     """
 
     vertices: np.ndarray

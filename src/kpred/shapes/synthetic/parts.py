@@ -6,6 +6,7 @@ Metres, y up, front +z. Sizes are (width x, height y, depth z) unless a docstrin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def _circle(sides: int) -> np.ndarray:
 def loft(rings: np.ndarray, label: str, cap: np.ndarray | None = None, axes: np.ndarray | None = None) -> Part:
     """Skin over rings (K, M, 3) of equal vertex count, closed at both ends.
 
-    `cap` (T, 3) triangulates one ring (a fan from its first vertex by default).
+    `cap` (T, 3) triangulates one ring (a fan from its first vertex by default). The part's `ring` is M.
     """
     count, size = rings.shape[:2]
     if cap is None:
@@ -115,7 +116,7 @@ def lathe(profile: Sequence[Vector] | np.ndarray, center: Vector, label: str, si
             for r, height in zip(radii, rows[:, 1], strict=True)
         ]
     )
-    return loft(rings + _vector(center), label)
+    return replace(loft(rings + _vector(center), label), ring=0)
 
 
 def sweep(section: np.ndarray, path: np.ndarray, label: str, scales: Vector | None = None) -> Part:
@@ -190,8 +191,7 @@ def cushion(size: Vector, center: Vector, label: str, radius: Number = 0.04, seg
             plan = rounded_rectangle(width - 2.0 * inset, depth - 2.0 * inset, radius, segments)
             y = side * (height / 2.0 - radius + radius * np.cos(angle))
             rings.append(np.column_stack([plan[:, 0], np.full(len(plan), y), plan[:, 1]]))
-    part = loft(np.stack(rings) + _vector(center), label)
-    return Part(part.vertices, part.faces, label)
+    return replace(loft(np.stack(rings) + _vector(center), label), ring=0)
 
 
 def curved_panel(
@@ -214,5 +214,4 @@ def curved_panel(
         z = bow * ((2.0 * x / width) ** 2 - 0.5)
         y0, y1, z0, z1 = -height / 2.0, height / 2.0, z - thickness / 2.0, z + thickness / 2.0
         rings.append([[x, y0, z0], [x, y0, z1], [x, y1, z1], [x, y1, z0]])
-    panel = loft(np.array(rings), label)
-    return Part(panel.vertices, panel.faces, label, ring=4).rotated("x", -lean).moved(center)
+    return loft(np.array(rings), label).rotated("x", -lean).moved(center)
