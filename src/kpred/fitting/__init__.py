@@ -1,0 +1,30 @@
+"""Fitting: a scan in, the CAD model that explains it out, in the scan's own place and units."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kpred.fitting.fit import bundled_database_path, fit
+    from kpred.fitting.refine import RefineConfig, refine_keypoints
+    from kpred.fitting.result import Candidate, Fit, Metric
+
+__all__ = ["Candidate", "Fit", "Metric", "RefineConfig", "bundled_database_path", "fit", "refine_keypoints"]
+
+_HOME = {
+    "Candidate": "kpred.fitting.result",
+    "Fit": "kpred.fitting.result",
+    "Metric": "kpred.fitting.result",
+    "RefineConfig": "kpred.fitting.refine",
+    "bundled_database_path": "kpred.fitting.fit",
+    "fit": "kpred.fitting.fit",
+    "refine_keypoints": "kpred.fitting.refine",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # Training uses the refinement where there is neither trimesh nor a database.
+    if name not in _HOME:
+        raise AttributeError(f"module 'kpred.fitting' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value

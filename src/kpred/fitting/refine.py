@@ -37,7 +37,7 @@ def refine_keypoints(
     points: Float[Tensor, "candidates points 3"],
     basis: Float[Tensor, "candidates points keypoints"],
     displacement: Float[Tensor, "candidates keypoints 3"],
-    target: Float[Tensor, "target 3"],
+    target: Float[Tensor, "target 3"] | Float[Tensor, "candidates target 3"],
     confidence: Float[Tensor, " keypoints"],
     config: RefineConfig,
     partial: bool,
@@ -46,14 +46,15 @@ def refine_keypoints(
 
     Args:
         points: source points of every candidate; basis: their deformation basis B, so that S' = S + B d.
+        target: the scan, one for all candidates or one for each.
         displacement: the network's K_target - K_source, the start and the centre of the prior.
         confidence: D_i in [0, 1]; a keypoint of low confidence in a partial scan is held more by its neighbours' prior.
         partial: only target-to-source distances count, since the unseen part of the source has nothing to match.
     """
     source_step = max(1, points.shape[1] // config.points)
-    target_step = max(1, len(target) // config.points)
+    target_step = max(1, target.shape[-2] // config.points)
     few, few_basis = points[:, ::source_step], basis[:, ::source_step].contiguous()
-    goal = target[::target_step].expand(len(points), -1, -1).contiguous()
+    goal = target[..., ::target_step, :].expand(len(points), -1, -1).contiguous()
     start, current = displacement, displacement
     hold = 1.0 + (1.0 - confidence) * (4.0 if partial else 0.0)
     for _ in range(config.iterations):

@@ -50,7 +50,7 @@ class ModelConfig:
     local_global: bool = True
     confidence: bool = True
     influence: Literal["local", "affine"] = "affine"
-    influence_neighbours: int = 10
+    influence_neighbours: int = 16
     cage: Literal["enclosing", "pulled"] = "enclosing"
     cage_subdivisions: int = 1
     density: float = 300.0

@@ -44,6 +44,10 @@ class TrainConfig:
             regions start out equal and the encoder's gradients explode.
         keypoint_weight, keypoint_weight_late, late_step: lambda_kpt before and after `late_step`.
         spread_samples: farthest-point samples that the keypoints are drawn to.
+        source_choices: each target is given the nearest of so many random sources, since at test time sources are
+            retrieved, not random (1 in the paper).
+        refined_weight: weight of the Chamfer distance after keypoint refinement; it teaches the influence to span what
+            refinement can use (0 in the paper).
         consistency_weight: asks that a deformed source has the keypoints it was deformed to (0 in the paper).
         ranking_weight: asks that token distances order sources as their deformation errors do (0 in the paper).
         partial_keypoint_weight: lambda_wkpt.
@@ -67,6 +71,8 @@ class TrainConfig:
     keypoint_weight_late: float = 0.1
     late_step: int = 1000
     spread_samples: int = 24
+    source_choices: int = 4
+    refined_weight: float = 1.0
     consistency_weight: float = 0.2
     ranking_weight: float = 0.05
     partial_keypoint_weight: float = 20.0
@@ -96,6 +102,8 @@ PAPER = TrainConfig(
     partial=StageConfig(schedule="constant"),
     points=2048,
     keypoint_points=2048,
+    source_choices=1,
+    refined_weight=0.0,
     consistency_weight=0.0,
     ranking_weight=0.0,
     partial_token_weight=0.0,
