@@ -11,7 +11,7 @@ import trimesh
 
 from kpred.errors import OutputError
 from kpred.fitting import picture
-from kpred.fitting.picture import PICTURE_SIZE, PictureWarning, Scene, fit_scene, save_picture
+from kpred.fitting.picture import PICTURE_SIZE, PictureWarning, fit_scene, save_picture
 from kpred.ops.frames import Frame, unit_box_frame
 
 
@@ -44,15 +44,6 @@ def test_the_scene_lies_in_the_unit_box_with_y_up(toy: tuple[ToyFit, np.ndarray]
     np.testing.assert_allclose(np.ptp(scene.retrieved_vertices, axis=0), [1 / 3, 1, 2 / 3], atol=1e-5)
     center, radius = scene.camera()
     assert (np.linalg.norm(scene.result_vertices - center, axis=1) <= radius * (1 + 1e-6)).all()
-
-
-def test_a_scene_survives_its_file(toy: tuple[ToyFit, np.ndarray], tmp_path: Path) -> None:
-    scene = fit_scene(*toy)
-    scene.save(tmp_path / "scene.npz")
-    again = Scene.load(tmp_path / "scene.npz")
-    np.testing.assert_array_equal(scene.scan, again.scan)
-    np.testing.assert_array_equal(scene.result_faces, again.result_faces)
-    assert list(again.titles) == list(scene.titles)
 
 
 def test_three_different_panels_are_drawn(toy: tuple[ToyFit, np.ndarray], tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ class FitCommand(Command):
       kpred fit chair.ply -o chair.obj
       kpred fit scan.xyz -o table.glb --category table --top-k 25
       kpred fit scan.npy -o result.ply --database mine.kpred --frame known --no-refine --json
+      kpred fit corner.pcd -o chair.stl --up z --partial yes
     """
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
@@ -37,7 +38,11 @@ class FitCommand(Command):
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models to deform and compare"""
     frame: Literal["auto", "known"] = "auto"
-    """auto finds up, front and size; known takes the scan as y up, front +z, in its unit box"""
+    """auto takes the scan's box and finds its front; known takes the scan as y up, front +z, in its unit box"""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "y"
+    """Up axis of the scan (not used with --frame known)"""
+    partial: Literal["auto", "yes", "no"] = "auto"
+    """Whether parts of the object are missing in the scan; auto finds out"""
     refine: Annotated[bool, arg(help_behavior_hint="")] = True
     """Leave out the refinement of keypoints (the paper's protocol)"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
@@ -63,6 +68,8 @@ class FitCommand(Command):
             top_k=self.top_k,
             frame=self.frame,
             refine=self.refine,
+            up=self.up,
+            partial={"auto": None, "yes": True, "no": False}[self.partial],
         )
         files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture)
         describe(output, result, files)

@@ -73,16 +73,6 @@ class Scene:
     titles: np.ndarray
     """(3,) str"""
 
-    def save(self, path: Path) -> None:
-        """Write the scene as an npz file."""
-        np.savez(path, **{item.name: getattr(self, item.name) for item in fields(self)})
-
-    @classmethod
-    def load(cls, path: Path) -> Scene:
-        """Read what `save` wrote."""
-        with np.load(path) as arrays:
-            return cls(**{item.name: arrays[item.name] for item in fields(cls)})
-
     def camera(self) -> tuple[np.ndarray, float]:
         """Centre (3,) and radius of a ball around everything shown, for one camera in all panels."""
         everything = np.concatenate([self.scan, self.retrieved_vertices, self.result_vertices]).astype(np.float64)
@@ -147,8 +137,12 @@ def _draw_apart(scene: Scene, folder: Path, picture: Path) -> str | None:
     if find_spec("pyvista") is None:
         return "pyvista is not installed (pip install 'kpred[pictures]')"
     file = folder / "scene.npz"
-    scene.save(file)
-    command = [sys.executable, "-m", "kpred.fitting.picture_pyvista", str(file), str(picture)]
+    center, radius = scene.camera()
+    arrays = {item.name: getattr(scene, item.name) for item in fields(scene)}
+    np.savez(file, **arrays, center=center, radius=radius, direction=VIEW_DIRECTION, size=PICTURE_SIZE)
+    # By path and not as a module: the other process then loads nothing of kpred, and no torch.
+    script = Path(__file__).with_name("picture_pyvista.py")
+    command = [sys.executable, "-P", str(script), str(file), str(picture)]
     try:
         done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, timeout=_SECONDS)
     except (OSError, subprocess.TimeoutExpired) as error:
