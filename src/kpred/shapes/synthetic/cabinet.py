@@ -10,36 +10,40 @@ from collections.abc import Callable
 import numpy as np
 
 from kpred.shapes.synthetic.cabinet_cases import (
-    apothecary_chest,
-    chest_of_drawers,
     cornice_cabinet,
     filing_cabinet,
-    kitchen_base,
     locker,
-    nightstand,
-    secretary,
     shoe_cabinet,
-    sideboard,
     sliding_wardrobe,
     tall_cabinet,
-    tv_stand,
     wall_cabinet,
     wardrobe,
+)
+from kpred.shapes.synthetic.cabinet_chests import (
+    apothecary_chest,
+    chest_of_drawers,
+    kitchen_base,
+    nightstand,
+    secretary,
+    sideboard,
+    tv_stand,
+)
+from kpred.shapes.synthetic.cabinet_displays import (
+    corner_cabinet,
+    display_steps,
+    glass_cabinet,
+    hutch,
+    round_shelf,
+    tv_wall,
 )
 from kpred.shapes.synthetic.cabinet_shelves import (
     asymmetric_shelf,
     bookcase_with_doors,
-    corner_cabinet,
     cube_grid,
-    display_steps,
-    glass_cabinet,
-    hutch,
     ladder_shelf,
     open_bookcase,
     rack,
-    round_shelf,
     stepped_bookcase,
-    tv_wall,
 )
 from kpred.shapes.synthetic.parts import Part
 

@@ -114,16 +114,20 @@ def crown(rng: np.random.Generator, width: float, depth: float, top: float, chan
 
 
 def fill(
-    rng: np.random.Generator, cell: Opening, style: FrontStyle, kinds: Sequence[str], weights: Sequence[float] | None = None
-) -> list[Part]:  # fmt: skip
+    rng: np.random.Generator,
+    cell: Opening,
+    style: FrontStyle,
+    kinds: Sequence[str],
+    weights: Sequence[float | int] | None = None,
+) -> list[Part]:
     """Something of the named kinds in a cell: "open", "shelves", "doors", "drawers", "glass" or "mixed"."""
     kind = pick(rng, kinds, weights)
     if kind == "drawers":
-        pitch = between(rng, 0.13, 0.3)
-        return drawers(rng, cell, style, int(np.clip(round(cell.height / pitch), 1, 6)), graded=happens(rng, 0.3))
+        pitch = between(rng, 0.16, 0.3)
+        return drawers(rng, cell, style, int(np.clip(round(cell.height / pitch), 1, 5)), graded=happens(rng, 0.3))
     if kind in ("doors", "glass"):
         count = 1 if cell.width < between(rng, 0.4, 0.65) else 2
-        leaf = replace(style, panel="glass") if kind == "glass" else style
+        leaf = replace(style, panel=pick(rng, ("glass", "muntin"))) if kind == "glass" else style
         parts = doors(cell, leaf, count)
         inner = int(np.clip(cell.height / 0.4, 0, 4)) if kind == "glass" else whole(rng, 0, 1)
         # Boards behind inset doors end at the doors.
@@ -138,7 +142,9 @@ def fill(
     return []
 
 
-def divided(rng: np.random.Generator, space: Opening, columns: int, uneven: float = 0.0) -> tuple[list[Part], list[Opening]]:
+def divided(
+    rng: np.random.Generator, space: Opening, columns: int, uneven: float = 0.0
+) -> tuple[list[Part], list[Opening]]:
     """The space in `columns` columns with standing boards between them."""
     cells = space.columns(shares(rng, columns, uneven))
     return [upright_board(cell, cell.left) for cell in cells[1:]], cells

@@ -114,9 +114,14 @@ def handle(style: FrontStyle, x: float, y: float, z: float, upright: bool, room:
         wide, tall = (0.03, length * 0.6) if upright else (length * 0.7, 0.03)
         centre = (x, y)
         return [
-            frustum((wide, 0.03), (wide, 0.008), (centre[0], y - tall / 2, z + 0.013),
-                    (centre[0], y + tall / 2, z + 0.003), "handle")
-        ]  # fmt: skip
+            frustum(
+                (wide, 0.03),
+                (wide, 0.008),
+                (centre[0], y - tall / 2, z + 0.013),
+                (centre[0], y + tall / 2, z + 0.003),
+                "handle",
+            )
+        ]
     reach = 0.03
     feet = [at + along * length * 0.42 * side for side in (-1, 1)]
     out = np.array([0.0, 0.0, reach])
@@ -136,7 +141,7 @@ def panel(style: FrontStyle, bounds: tuple[float, float, float, float, float], l
     width, height, thick = right - left, top - bottom, style.thickness
     x, y, z = (left + right) / 2, (bottom + top) / 2, rear + thick / 2
     rim = min(0.07, 0.28 * min(width, height))
-    if style.panel in ("framed", "glass", "slatted") and min(width, height) > 0.1:
+    if style.panel in ("framed", "glass", "muntin", "slatted") and min(width, height) > 0.1:
         parts = [box((rim, height, thick), (x + side * (width - rim) / 2, y, z), label) for side in (-1, 1)] + [
             box((width - 2 * rim, rim, thick), (x, y + side * (height - rim) / 2, z), label) for side in (-1, 1)
         ]
@@ -148,6 +153,12 @@ def panel(style: FrontStyle, bounds: tuple[float, float, float, float, float], l
                 box((inner[0], pitch * 0.7, thick * 0.5), (x, bottom + rim + (i + 0.5) * pitch, z), label)
                 for i in range(count)
             ]
+        if style.panel == "muntin":
+            # Bars only: a scanner looks through clear panes, and many models leave them out.
+            count = max(1, min(4, round(inner[1] / 0.3) - 1))
+            bars = [box((0.018, inner[1], thick * 0.7), (x, y, z), label)] if inner[0] > 0.2 else []
+            levels = bottom + rim + inner[1] * np.arange(1, count + 1) / (count + 1)
+            return parts + bars + [box((inner[0], 0.018, thick * 0.6), (x, float(level), z), label) for level in levels]
         leaf = "glass" if style.panel == "glass" else label
         thin = 0.004 if style.panel == "glass" else thick * 0.4
         return parts + [box((inner[0], inner[1], thin), (x, y, z - thick * 0.2), leaf)]
@@ -171,7 +182,7 @@ def _face(style: FrontStyle, rear: float, middle: bool) -> float:
 
 def drawer(opening: Opening, style: FrontStyle, pulls: int = 1) -> list[Part]:
     """A closed drawer: its front and one or two handles."""
-    if style.panel in ("glass", "slatted"):
+    if style.panel in ("glass", "muntin", "slatted"):
         style = replace(style, panel="flat")
     bounds = left, right, bottom, top, rear = style.bounds(opening)
     parts = panel(style, bounds, "drawer")
@@ -218,6 +229,8 @@ def drawers(
     rng: np.random.Generator, opening: Opening, style: FrontStyle, rows: int, columns: int = 1, graded: bool = False
 ) -> list[Part]:
     """A block of drawers; `graded`: the lower ones are higher. Boards part them where the fronts are inset."""
+    if rows * columns > 8 and style.panel == "framed":
+        style = replace(style, panel="raised")  # many frames would cost many triangles
     heights = shares(rng, rows, 0.0)
     if graded:
         weights = np.linspace(1.5, 1.0, rows)
@@ -229,7 +242,11 @@ def drawers(
         for index, cell in enumerate(row.columns([1 / columns] * columns)):
             if index:
                 parts.append(upright_board(cell, cell.left))
-            wide = cell.width > 0.55 and rows * columns < 9 and style.handle in ("knob", "square_knob", "cup", "bar", "rod")
+            wide = (
+                cell.width > 0.55
+                and rows * columns < 9
+                and style.handle in ("knob", "square_knob", "cup", "bar", "rod")
+            )
             parts += drawer(cell, style, pulls=2 if wide else 1)
     return parts
 

@@ -10,7 +10,7 @@ import numpy as np
 T = TypeVar("T")
 
 
-def pick(rng: np.random.Generator, options: Sequence[T], weights: Sequence[float] | None = None) -> T:
+def pick(rng: np.random.Generator, options: Sequence[T], weights: Sequence[float | int] | None = None) -> T:
     """One of `options`, with the probabilities `weights` / sum(weights), or all alike."""
     if weights is None:
         return options[int(rng.integers(len(options)))]
@@ -23,7 +23,7 @@ def happens(rng: np.random.Generator, probability: float) -> bool:
     return bool(rng.random() < probability)
 
 
-def between(rng: np.random.Generator, low: float, high: float) -> float:
+def between(rng: np.random.Generator, low: float | int, high: float | int) -> float:
     """A uniform number in [low, high)."""
     return float(rng.uniform(low, high))
 

@@ -13,26 +13,23 @@ from kpred.shapes.synthetic.parts import Part
 from kpred.shapes.synthetic.table_based import (
     c_table,
     cube_table,
-    double_pedestal_table,
-    pedestal_table,
-    sculpted_table,
     slab_table,
     sled_table,
     trestle_table,
-    tripod_table,
     x_leg_table,
 )
+from kpred.shapes.synthetic.table_columns import (
+    double_pedestal_table,
+    pedestal_table,
+    sculpted_table,
+    tripod_table,
+)
 from kpred.shapes.synthetic.table_desks import (
-    conference_table,
-    counter_desk,
-    drafting_table,
     hutch_desk,
     l_desk,
     open_bay_desk,
     panel_desk,
     pedestal_desk,
-    ping_pong_table,
-    t_leg_desk,
     writing_desk,
 )
 from kpred.shapes.synthetic.table_legged import (
@@ -47,6 +44,13 @@ from kpred.shapes.synthetic.table_legged import (
     picnic_table,
     round_table,
     workbench,
+)
+from kpred.shapes.synthetic.table_office import (
+    conference_table,
+    counter_desk,
+    drafting_table,
+    ping_pong_table,
+    t_leg_desk,
 )
 
 TABLE_FAMILIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {

@@ -31,9 +31,14 @@ def dining_table(rng: np.random.Generator) -> list[Part]:
     apron = between(rng, 0.06, 0.14) if happens(rng, 0.6) and style.kind != "hairpin" else 0.0
     parts = tabletop(rng, width, depth, height, thick, shape)
     return parts + four_legs(
-        rng, (width - 2 * inset) * reach, (depth - 2 * inset) * reach, height - thick, style, apron,
+        rng,
+        (width - 2 * inset) * reach,
+        (depth - 2 * inset) * reach,
+        height - thick,
+        style,
+        apron,
         stretched=happens(rng, 0.2),
-    )  # fmt: skip
+    )
 
 
 def round_table(rng: np.random.Generator) -> list[Part]:
@@ -77,9 +82,14 @@ def coffee_table(rng: np.random.Generator) -> list[Part]:
     if apron > 0.06 and happens(rng, 0.6):
         gap = style.thickness
         front = Opening(
-            -wide / 2 + gap, wide / 2 - gap, height - thick - apron, height - thick, 0,
-            deep / 2 - style.thickness / 2 + 0.011, 0.01,
-        )  # fmt: skip
+            -wide / 2 + gap,
+            wide / 2 - gap,
+            height - thick - apron,
+            height - thick,
+            0.0,
+            deep / 2 - style.thickness / 2 + 0.011,
+            0.01,
+        )
         parts += drawers(rng, front, any_front_style(rng), 1, whole(rng, 1, 3))
     return parts
 
@@ -100,9 +110,14 @@ def console_table(rng: np.random.Generator) -> list[Part]:
         parts.append(box((wide - style.thickness, 0.02, deep - style.thickness), (0, shelf + 0.22, 0), "shelf"))
     if apron and happens(rng, 0.75):
         front = Opening(
-            -wide / 2 + style.thickness, wide / 2 - style.thickness, height - thick - apron, height - thick, 0,
-            deep / 2 - style.thickness / 2 + 0.011, 0.012,
-        )  # fmt: skip
+            -wide / 2 + style.thickness,
+            wide / 2 - style.thickness,
+            height - thick - apron,
+            height - thick,
+            0.0,
+            deep / 2 - style.thickness / 2 + 0.011,
+            0.012,
+        )
         parts += drawers(rng, front, any_front_style(rng), 1, whole(rng, 1, 4))
     return parts
 
@@ -208,8 +223,15 @@ def drop_leaf_table(rng: np.random.Generator) -> list[Part]:
             leaf = leaf.rotated("z", -90.0, (width / 2, height - thick * 0.9, 0)).moved((0.0, 0, 0))
         parts.append(leaf if side == 1 else leaf.mirrored_x())
     if raised:
-        parts.append(beam((width / 2 - 0.02, height - thick - 0.05, 0), (width / 2 + flap * 0.7, height - thick - 0.03, 0),
-                          0.03, 0.06, "gate"))  # fmt: skip
+        parts.append(
+            beam(
+                (width / 2 - 0.02, height - thick - 0.05, 0),
+                (width / 2 + flap * 0.7, height - thick - 0.03, 0),
+                0.03,
+                0.06,
+                "gate",
+            )
+        )
     return long_side_front(parts)
 
 
@@ -232,8 +254,9 @@ def drawer_side_table(rng: np.random.Generator) -> list[Part]:
     parts.append(box((wide, board, deep), (0, floor + board / 2, 0), "bottom"))
     parts += [box((board, case, deep), (side * (wide - board) / 2, floor + case / 2, 0), "side") for side in (-1, 1)]
     parts.append(box((wide, case, 0.01), (0, floor + case / 2, -deep / 2 + 0.005), "back"))
-    front = Opening(-wide / 2 + board / 2, wide / 2 - board / 2, floor + board / 2, height - thick,
-                    -deep / 2, deep / 2, board)  # fmt: skip
+    front = Opening(
+        -wide / 2 + board / 2, wide / 2 - board / 2, floor + board / 2, height - thick, -deep / 2, deep / 2, board
+    )
     if happens(rng, 0.85):
         parts += drawers(rng, front, any_front_style(rng), 2 if case > 0.25 and happens(rng, 0.7) else 1)
     return parts
@@ -252,12 +275,13 @@ def workbench(rng: np.random.Generator) -> list[Part]:
     if shelf is not None:
         parts += rails(wide - post, depth - 0.02 - post, shelf - 0.04, 0.08, 0.035, "stretcher")
     if happens(rng, 0.4):
-        parts.append(box((0.3, 0.14, 0.04), (-width * 0.28, height - 0.075, depth / 2 + 0.06), "vice"))
-        parts.append(
-            cylinder(0.015, (-width * 0.28, height - 0.11, depth / 2 - 0.02), (-width * 0.28, height - 0.11, depth / 2 + 0.15), "vice", 8)
-        )  # fmt: skip
+        x, y, z = -width * 0.28, height - 0.075, depth / 2
+        parts += [box((0.3, 0.14, 0.04), (x, y, z + away), "vice") for away in (0.019, 0.11)]
+        parts.append(cylinder(0.015, (x, y, z + 0.02), (x, y, z + 0.2), "vice", 8))
     if happens(rng, 0.4):
-        front = Opening(width * 0.05, wide / 2 - post, height - thick - 0.16, height - thick, 0, depth / 2 - 0.03, 0.02)
+        front = Opening(
+            width * 0.05, wide / 2 - post, height - thick - 0.16, height - thick, 0.0, depth / 2 - 0.03, 0.02
+        )
         parts.append(box((front.width, 0.16, depth * 0.8), (front.middle[0], front.middle[1], -0.02), "case"))
         parts += drawers(rng, front, any_front_style(rng), 1, whole(rng, 1, 2))
     if happens(rng, 0.3):

@@ -12,6 +12,10 @@ from kpred.shapes.synthetic.parts import Part, beam, box, cylinder, frustum, lat
 
 LEG_KINDS = ("square", "tapered", "round", "round_tapered", "turned", "hairpin", "cabriole", "sabre", "angle", "tube")
 
+# A cabriole leg's middle line: fractions of its height, and there its way outwards in units of the splay.
+_BENDS = np.array([1.0, 0.85, 0.65, 0.4, 0.15, 0.0])
+_CABRIOLE = np.array([0.0, 0.35, 0.2, -0.25, -0.1, 0.45])
+
 
 @dataclass(frozen=True)
 class LegStyle:
@@ -48,10 +52,16 @@ def _turned(style: LegStyle, x: float, z: float, head: float) -> list[Part]:
     neck = radius * style.waist
     stem = head - block
     profile = [
-        (neck * 0.8, 0.0), (radius * 0.9, 0.05 * stem), (neck * 0.7, 0.12 * stem), (radius, 0.3 * stem),
-        (radius * 0.95, 0.5 * stem), (neck, 0.8 * stem), (radius * 0.95, 0.87 * stem), (neck, 0.93 * stem),
+        (neck * 0.8, 0.0),
+        (radius * 0.9, 0.05 * stem),
+        (neck * 0.7, 0.12 * stem),
+        (radius, 0.3 * stem),
+        (radius * 0.95, 0.5 * stem),
+        (neck, 0.8 * stem),
+        (radius * 0.95, 0.87 * stem),
+        (neck, 0.93 * stem),
         (radius, stem + 0.002),
-    ]  # fmt: skip
+    ]
     return [
         lathe(profile, (x, 0.0, z), "leg", 10),
         box((style.thickness, block, style.thickness), (x, head - block / 2, z), "leg"),
@@ -59,9 +69,9 @@ def _turned(style: LegStyle, x: float, z: float, head: float) -> list[Part]:
 
 
 def _bent(style: LegStyle, x: float, z: float, out: np.ndarray, head: float) -> list[Part]:
-    heights = np.array([1.0, 0.85, 0.65, 0.4, 0.15, 0.0])
+    heights = _BENDS
     if style.kind == "cabriole":
-        swing = np.array([0.0, 0.35, 0.2, -0.25, -0.1, 0.45])
+        swing = _CABRIOLE
         widths = np.array([1.0, 1.15, 0.95, 0.65, 0.5, 0.75])
     else:
         swing = (1 - heights) ** 2
@@ -139,9 +149,15 @@ def stretchers(rng: np.random.Generator, width: float, depth: float, height: flo
         return rails(width, depth, height, thick, thick, "stretcher")
     if form == "cross":
         return [
-            beam((-width / 2, height, -side * depth / 2), (width / 2, height, side * depth / 2), thick, thick, "stretcher")
+            beam(
+                (-width / 2, height, -side * depth / 2),
+                (width / 2, height, side * depth / 2),
+                thick,
+                thick,
+                "stretcher",
+            )
             for side in (-1, 1)
-        ]  # fmt: skip
+        ]
     parts = [box((thick, thick, depth), (side * width / 2, height, 0), "stretcher") for side in (-1, 1)]
     if form == "h":
         parts.append(box((width, thick, thick), (0, height, 0), "stretcher"))
@@ -149,9 +165,15 @@ def stretchers(rng: np.random.Generator, width: float, depth: float, height: flo
 
 
 def four_legs(
-    rng: np.random.Generator, width: float, depth: float, head: float, style: LegStyle, apron: float = 0.0,
-    stretched: bool = False, shelf: float | None = None,
-) -> list[Part]:  # fmt: skip
+    rng: np.random.Generator,
+    width: float,
+    depth: float,
+    head: float,
+    style: LegStyle,
+    apron: float = 0.0,
+    stretched: bool = False,
+    shelf: float | None = None,
+) -> list[Part]:
     """Legs at a rectangle's corners with what joins them.
 
     `width` and `depth` are outer measures at the legs' heads, `head` the height at which the top rests, `apron` the
@@ -159,21 +181,24 @@ def four_legs(
     """
     w, d = max(width - style.thickness, 0.08), max(depth - style.thickness, 0.08)
     parts = leg_set(style, corners(w, d), head)
-    straight = style.splay == 0 or style.kind in ("cabriole",)
     if apron > 0:
         parts += rails(w, d, head - apron / 2, apron, min(0.022, style.thickness * 0.6))
     low = style.kind in ("hairpin",)
     if stretched and not low:
         height = head * between(rng, 0.12, 0.4)
-        grow = 0.0 if straight else _drift(style, 1 - height / head)
+        grow = _drift(style, 1 - height / head)
         parts += stretchers(rng, w + 2 * grow, d + 2 * grow, height, min(style.thickness * 0.6, 0.04))
     if shelf is not None:
-        grow = 0.0 if straight else _drift(style, 1 - shelf / head)
+        grow = _drift(style, 1 - shelf / head)
         parts.append(box((w + 2 * grow, 0.02, d + 2 * grow), (0, shelf, 0), "shelf"))
     return parts
 
 
 def _drift(style: LegStyle, fall: float) -> float:
-    """How far, along x and along z, a splayed leg has moved out after the fraction `fall` of its height."""
+    """How far, along x and along z, a leg's body lies outside its head at the fraction `fall` of its height."""
+    if style.kind == "angle":
+        return 0.3 * style.thickness  # boards at the outer corner: what joins them must reach out to them
     part = fall**2 if style.kind == "sabre" else fall
+    if style.kind == "cabriole":
+        part = float(np.interp(fall, 1 - _BENDS, _CABRIOLE))
     return style.splay * part * float(np.sqrt(0.5))

@@ -15,9 +15,17 @@ def cut_corners(width: float, depth: float, cut: float) -> np.ndarray:
     """Outline (8, 2) in xz of a rectangle whose corners are cut at 45 degrees, `cut` metres from each corner."""
     x, z = width / 2, depth / 2
     return np.array(
-        [(x, -z + cut), (x, z - cut), (x - cut, z), (-x + cut, z), (-x, z - cut), (-x, -z + cut), (cut - x, -z),
-         (x - cut, -z)]
-    )  # fmt: skip
+        [
+            (x, -z + cut),
+            (x, z - cut),
+            (x - cut, z),
+            (-x + cut, z),
+            (-x, z - cut),
+            (-x, -z + cut),
+            (cut - x, -z),
+            (x - cut, -z),
+        ]
+    )
 
 
 def boat(width: float, depth: float, ends: float, segments: int = 8) -> np.ndarray:
@@ -36,17 +44,20 @@ def superellipse(width: float, depth: float, power: float, segments: int = 32) -
 
 
 def tabletop(
-    rng: np.random.Generator, width: float, depth: float, height: float, thickness: float, shape: str,
+    rng: np.random.Generator,
+    width: float,
+    depth: float,
+    height: float,
+    thickness: float,
+    shape: str,
     label: str = "top",
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     """A tabletop of one of the `RECTANGULAR` or `CURVED` shapes whose upper face lies at `height`."""
     bottom = height - thickness
     middle = height - thickness / 2
     if shape == "bevelled":
         shrink = between(rng, 0.02, 0.06)
-        return [
-            frustum((width - shrink, depth - shrink), (width, depth), (0, bottom, 0), (0, height, 0), label)
-        ]
+        return [frustum((width - shrink, depth - shrink), (width, depth), (0, bottom, 0), (0, height, 0), label)]
     if shape == "planks":
         count, gap = int(rng.integers(3, 7)), 0.008
         board = (depth - gap * (count - 1)) / count
