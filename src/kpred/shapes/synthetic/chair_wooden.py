@@ -67,7 +67,8 @@ def _dining(backs: tuple[str, ...], arms: float = 0.25) -> Family:
         bend = random_bend(rng, width, between(rng, 0.28, 0.7))
         back, foot = back_parts(rng, seat, bend, some_back(rng, backs))
         if happens(rng, arms):
-            base += _arms(rng, seat, foot, bend)
+            # A seat that narrows to the back carries its arms further in.
+            base += _arms(rng, replace(seat, width=seat.width * 0.88) if style == "trapezoid" else seat, foot, bend)
         return [*parts, *base, *back]
 
     return family
