@@ -8,6 +8,10 @@ from torch import Tensor
 from kpred.ops.sampling import sample_surface
 from kpred.ops.typing import Bool, Float, Int
 
+SAMPLES_PER_PIXEL = 16
+"""Samples per pixel that a face covers: enough that practically none is left open for what is behind to show."""
+MOST_SAMPLES = 2_000_000
+
 
 def random_directions(
     count: int, generator: torch.Generator | None = None, device: torch.device | str = "cpu"
@@ -57,9 +61,8 @@ def depth_scan(
 ) -> Float[Tensor, "seen 3"]:
     """Points that a depth camera at `camera` sees of a mesh, in the mesh's frame and units.
 
-    A dense surface sample is splatted into a depth image of resolution x resolution pixels whose field of view holds
-    the object; what lies within a pixel's depth tolerance of the nearest sample is seen, so that surfaces hide what is
-    behind them.
+    The field of view holds the object. The mesh is rasterised into a depth image of resolution x resolution pixels, and
+    a surface point is seen if it lies no deeper than its pixel allows, so that surfaces hide what is behind them.
 
     Args:
         count: most points returned (fewer if less is seen).
@@ -67,24 +70,23 @@ def depth_scan(
         dropout: share of pixels lost at random, as where a surface reflects badly.
         outliers: share of returned points replaced by points anywhere in a box 1.2 times the object's.
     """
-    dense, _ = sample_surface(vertices, faces, 6 * resolution * resolution, generator)
+    dense, face = sample_surface(vertices, faces, 6 * resolution * resolution, generator)
     low, high = dense.amin(0), dense.amax(0)
     middle, half = (low + high) / 2, float((high - low).amax() / 2)
-    forward = torch.nn.functional.normalize(middle - camera, dim=0)
-    helper = torch.tensor([0.0, 1.0, 0.0]) if abs(float(forward[1])) < 0.95 else torch.tensor([1.0, 0.0, 0.0])
-    right = torch.nn.functional.normalize(torch.linalg.cross(forward, helper.to(forward)), dim=0)
-    up = torch.linalg.cross(right, forward)
-    local = (dense - camera) @ torch.stack([right, up, forward]).T
-    depth = local[:, 2].clamp(min=1e-3 * half)
-    plane = local[:, :2] / depth[:, None]
-    corner, extent = plane.amin(0), (plane.amax(0) - plane.amin(0)).amax().clamp(min=1e-9)
-    pixel = ((plane - corner) / extent * (resolution - 1)).round().long()
+    axes = _camera_axes(middle - camera)
+    corners, _ = _project(vertices, camera, axes, half)
+    used = corners[faces.flatten()]
+    corner, extent = used.amin(0), float((used.amax(0) - used.amin(0)).amax().clamp(min=1e-9))
+    per_pixel = extent / (resolution - 1)
+
+    plane, depth = _project(dense, camera, axes, half)
+    pixel = ((plane - corner) / per_pixel).round().long().clamp(0, resolution - 1)
     flat = pixel[:, 1] * resolution + pixel[:, 0]
-    nearest = torch.full((resolution * resolution,), float("inf"), dtype=dense.dtype, device=dense.device)
-    nearest.scatter_reduce_(0, flat, depth, "amin")
-    tolerance = 3.0 * float(extent) / resolution * depth
+    nearest, owner = _depth_image(vertices, faces, camera, axes, half, corner, per_pixel, resolution, generator)
+    # A flat face cannot hide itself, however slanted; of all others a pixel shows what is within its own width.
+    clear = (depth <= nearest[flat] + per_pixel * depth) | (owner[flat] == face)
     lost = torch.rand(resolution * resolution, generator=generator, device=dense.device) < dropout
-    seen = dense[(depth <= nearest[flat] + tolerance) & ~lost[flat]]
+    seen = dense[clear & ~lost[flat]]
     seen = seen[torch.randperm(len(seen), generator=generator, device=dense.device)[:count]]
     if noise > 0:
         ray = torch.nn.functional.normalize(seen - camera, dim=1)
@@ -95,3 +97,48 @@ def depth_scan(
         box = torch.rand(stray, 3, generator=generator, dtype=seen.dtype, device=seen.device) * 2 - 1
         seen = torch.cat([seen[stray:], middle + box * (high - low) * 0.6])
     return seen
+
+
+def _camera_axes(forward: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
+    """Rows right, up and forward of a camera that looks along `forward`."""
+    forward = torch.nn.functional.normalize(forward, dim=0)
+    helper = torch.tensor([0.0, 1.0, 0.0] if abs(float(forward[1])) < 0.95 else [1.0, 0.0, 0.0]).to(forward)
+    right = torch.nn.functional.normalize(torch.linalg.cross(forward, helper), dim=0)
+    return torch.stack([right, torch.linalg.cross(right, forward), forward])
+
+
+def _project(points: Tensor, camera: Tensor, axes: Tensor, half: float) -> tuple[Tensor, Tensor]:
+    """Perspective image coordinates (N, 2) at unit focal length, and depths (N,)."""
+    local = (points - camera) @ axes.T
+    depth = local[:, 2].clamp(min=1e-3 * half)
+    return local[:, :2] / depth[:, None], depth
+
+
+def _depth_image(
+    vertices: Tensor,
+    faces: Tensor,
+    camera: Tensor,
+    axes: Tensor,
+    half: float,
+    corner: Tensor,
+    per_pixel: float,
+    resolution: int,
+    generator: torch.Generator | None,
+) -> tuple[Float[Tensor, " pixels"], Int[Tensor, " pixels"]]:
+    """Depth and face of the nearest surface in each pixel; infinite and -1 where there is none."""
+    plane, depth = _project(vertices, camera, axes, half)
+    # In the image the inverse depth is linear over a triangle, so that samples of this flattened mesh, spread by
+    # projected area and not by true area, fill every pixel that a face covers.
+    flattened = torch.cat([(plane - corner) / per_pixel, (half / depth)[:, None]], dim=1)
+    edges = flattened[faces]
+    doubled = torch.linalg.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0]).norm(dim=1).sum()
+    count = min(max(int(SAMPLES_PER_PIXEL * float(doubled) / 2), resolution * resolution), MOST_SAMPLES)
+    samples, face = sample_surface(flattened, faces, count, generator)
+    pixel = samples[:, :2].round().long().clamp(0, resolution - 1)
+    flat = pixel[:, 1] * resolution + pixel[:, 0]
+    inverse = torch.zeros(resolution * resolution, dtype=vertices.dtype, device=vertices.device)
+    inverse.scatter_reduce_(0, flat, samples[:, 2], "amax")
+    owner = torch.full_like(inverse, -1, dtype=torch.long)
+    first = samples[:, 2] == inverse[flat]
+    owner[flat[first]] = face[first]
+    return half / inverse, owner
