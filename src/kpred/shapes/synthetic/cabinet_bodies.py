@@ -127,7 +127,7 @@ def fill(
         return drawers(rng, cell, style, int(np.clip(round(cell.height / pitch), 1, 5)), graded=happens(rng, 0.3))
     if kind in ("doors", "glass"):
         count = 1 if cell.width < between(rng, 0.4, 0.65) else 2
-        leaf = replace(style, panel=pick(rng, ("glass", "muntin"))) if kind == "glass" else style
+        leaf = replace(style, panel=style.pane) if kind == "glass" else style
         parts = doors(cell, leaf, count)
         inner = int(np.clip(cell.height / 0.4, 0, 4)) if kind == "glass" else whole(rng, 0, 1)
         # Boards behind inset doors end at the doors.

@@ -70,6 +70,7 @@ class FrontStyle:
     handle: str
     handle_size: float
     gap: float
+    pane: str = "glass"  # how doors of glass look: with panes, or bars ("muntin") alone
 
     def bounds(self, opening: Opening) -> tuple[float, float, float, float, float]:
         """(left, right, bottom, top, z of the rear face) of a front that closes the opening."""
@@ -87,6 +88,7 @@ def any_front_style(rng: np.random.Generator) -> FrontStyle:
         handle=pick(rng, HANDLES, (4, 1, 3, 3, 1, 1, 1)),
         handle_size=between(rng, 0.75, 1.4),
         gap=between(rng, 0.004, 0.012),
+        pane=pick(rng, ("glass", "muntin")),
     )
 
 
