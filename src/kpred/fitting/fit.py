@@ -1,4 +1,4 @@
-"""The main job: scan -> frame -> keypoints -> candidates -> deform -> choose -> refine -> CAD mesh in the scan's frame."""
+"""The main job: from a scan by way of retrieved, deformed and refined candidates to a CAD mesh in the scan's frame."""
 
 from __future__ import annotations
 

@@ -40,6 +40,9 @@ class Model(Mapping[str, KPRed]):
             raise ModelError(f"The model {self.name} knows no category '{category}'; it knows {known}.")
         return self.networks[category]
 
+    def __contains__(self, category: object) -> bool:
+        return category in self.networks
+
     def __iter__(self) -> Iterator[str]:
         return iter(self.networks)
 
@@ -100,9 +103,13 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
         config = ModelConfig.from_dict(json.loads((folder / CONFIG_FILE).read_text()))
         weights = load_file(folder / WEIGHTS_FILE, device=str(device))
     except FileNotFoundError as error:
-        raise ModelError(f"{error.filename or folder / WEIGHTS_FILE} is missing; give a folder of trained weights.") from error
+        raise ModelError(
+            f"{error.filename or folder / WEIGHTS_FILE} is missing; give a folder of trained weights."
+        ) from error
     except (json.JSONDecodeError, UnicodeDecodeError, TypeError) as error:
-        raise ModelError(f"{folder / CONFIG_FILE} is not a kpred model config ({error}); train or copy it again.") from error
+        raise ModelError(
+            f"{folder / CONFIG_FILE} is not a kpred model config ({error}); train or copy it again."
+        ) from error
     except (SafetensorError, OSError) as error:
         raise ModelError(f"{folder / WEIGHTS_FILE} is truncated or no safetensors file; copy it again.") from error
     except ConfigError as error:
@@ -134,16 +141,22 @@ def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = Tr
                 os.chmod(Path(scratch) / name, 0o644)
                 os.replace(Path(scratch) / name, folder / name)
     except OSError as error:
-        raise OutputError(f"The weights cannot be written to {folder} ({error.strerror}); free space or choose another folder.") from error
+        raise OutputError(
+            f"The weights cannot be written to {folder} ({error.strerror}); free space or choose another folder."
+        ) from error
 
 
 def _from_hub(name: str) -> Path:
     looks_like_repository = name.count("/") == 1 and not name.startswith((".", "/", "~"))
     if not looks_like_repository:
-        raise ModelError(f"There is no model folder {name}; give a folder of trained weights, or leave it out for the bundled ones.")
+        raise ModelError(
+            f"There is no model folder {name}; give a folder of trained weights, or leave it out for the bundled ones."
+        )
     try:
         from huggingface_hub import snapshot_download
 
         return Path(snapshot_download(name, allow_patterns=["*.json", "*.safetensors"]))
     except Exception as error:  # the hub's own errors have no common base
-        raise ModelError(f"There is no model folder {name}, and it could not be fetched from the Hugging Face Hub.") from error
+        raise ModelError(
+            f"There is no model folder {name}, and it could not be fetched from the Hugging Face Hub."
+        ) from error

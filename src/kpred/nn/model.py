@@ -6,6 +6,7 @@ import hashlib
 
 from torch import Tensor, nn
 
+from kpred.nn.box import BoxPredictor
 from kpred.nn.config import ModelConfig
 from kpred.nn.influence import InfluencePredictor
 from kpred.nn.keypoints import KeypointPredictor
@@ -17,7 +18,7 @@ from kpred.ops.typing import Float
 STAGES = {
     "deformation": ("keypoint_predictor", "influence_predictor"),
     "retrieval": ("retrieval_encoder", "region_decoder"),
-    "partial": ("partial_keypoint_predictor", "partial_retrieval_encoder"),
+    "partial": ("partial_keypoint_predictor", "partial_retrieval_encoder", "box_predictor"),
 }
 """Which parts each training stage learns; everything else is frozen in it."""
 
@@ -34,6 +35,7 @@ class KPRed(nn.Module):
         self.region_decoder = RegionDecoder(config)
         self.partial_keypoint_predictor = KeypointPredictor(config)
         self.partial_retrieval_encoder = RetrievalEncoder(config)
+        self.box_predictor = BoxPredictor()
 
     def keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
         """Semantic keypoints of full shapes (Phi_full)."""
@@ -42,6 +44,16 @@ class KPRed(nn.Module):
     def partial_keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
         """Keypoints of the whole shape, unseen ones too, from a partial cloud in the whole shape's frame (Phi_part)."""
         return self.partial_keypoint_predictor(points)
+
+    def whole_box(
+        self, points: Float[Tensor, "batch points 3"]
+    ) -> tuple[Float[Tensor, "batch 2 3"], Float[Tensor, "batch 2 3"]]:
+        """Box of the whole object from a partial cloud that fills its own unit box (y up, front +z).
+
+        Returns:
+            Lowest and highest corner in the input's frame, and how far each coordinate is off on average.
+        """
+        return self.box_predictor(points)
 
     def cage(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch vertices 3"]:
         """The source's cage; its faces are those of `kpred.ops.cage.icosphere(config.cage_subdivisions)`."""

@@ -1,6 +1,6 @@
 """Nearest neighbours between small clouds, exact, without a distance matrix that outlives the call.
 
-Two paths give the same numbers: a compiled CPU kernel (numba, where it is installed) and chunked torch (reference, GPU).
+Two paths give the same numbers: a compiled CPU kernel (where numba is installed) and chunked torch (reference, GPU).
 """
 
 from __future__ import annotations

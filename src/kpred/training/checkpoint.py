@@ -45,7 +45,9 @@ class Checkpoint:
             os.replace(scratch, path)
         except (OSError, RuntimeError) as error:
             scratch.unlink(missing_ok=True)
-            raise OutputError(f"The checkpoint {path} cannot be written ({error}); free space or give another run folder.") from error
+            raise OutputError(
+                f"The checkpoint {path} cannot be written ({error}); free space or give another run folder."
+            ) from error
 
     @classmethod
     def load(cls, path: Path, device: torch.device | str = "cpu") -> Checkpoint:
@@ -59,8 +61,12 @@ class Checkpoint:
         except FileNotFoundError as error:
             raise CheckpointError(f"There is no checkpoint {path}; start the run without resuming.") from error
         except (RuntimeError, OSError, EOFError, pickle.UnpicklingError, zipfile.BadZipFile, ValueError) as error:
-            raise CheckpointError(f"{path} is truncated or no checkpoint; delete it to start this stage again.") from error
+            raise CheckpointError(
+                f"{path} is truncated or no checkpoint; delete it to start this stage again."
+            ) from error
         if not isinstance(values, dict) or values.pop("version", None) != VERSION:
-            raise CheckpointError(f"{path} is no checkpoint of this version of kpred; delete it to start this stage again.")
+            raise CheckpointError(
+                f"{path} is no checkpoint of this version of kpred; delete it to start this stage again."
+            )
         values["random_state"] = values["random_state"].cpu()
         return cls(**values)

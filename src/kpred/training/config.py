@@ -53,8 +53,13 @@ class TrainConfig:
         partial_keypoint_weight: lambda_wkpt.
         partial_token_weight: tokens of a partial cloud toward those of the full shape, weighted by confidence.
         occlusion: least and greatest share of a target hidden in the partial stage.
+        scanned: share of the partial stage's targets seen by a virtual depth camera rather than cut by a plane (0 in
+            the paper).
+        views: depth scans prepared per shape.
+        box_weight: weight of the whole object's box (0 in the paper, which takes the box as known).
         stretch: targets are scaled per axis by up to this factor and put back in their unit box (1 is off).
-        noise: standard deviation of the jitter on partial clouds, unit-box units.
+        noise: standard deviation of the jitter on partial clouds, unit-box units; each cloud gets up to this.
+        outliers: share of stray points in partial clouds; each cloud gets up to this.
         seed: of everything random.
         checkpoint_every: steps between checkpoints.
         precision: `float32`, or `bfloat16` autocast of the networks (CUDA).
@@ -78,6 +83,10 @@ class TrainConfig:
     partial_keypoint_weight: float = 20.0
     partial_token_weight: float = 1.0
     occlusion: tuple[float, float] = (0.25, 0.9)
+    scanned: float = 0.5
+    views: int = 4
+    box_weight: float = 0.5
+    outliers: float = 0.01
     stretch: float = 1.3
     noise: float = 0.01
     seed: int = 0
@@ -107,6 +116,9 @@ PAPER = TrainConfig(
     consistency_weight=0.0,
     ranking_weight=0.0,
     partial_token_weight=0.0,
+    scanned=0.0,
+    box_weight=0.0,
+    outliers=0.0,
     stretch=1.0,
     noise=0.0,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,12 +11,15 @@ from torch import Tensor
 
 from kpred.errors import MeshError, PackError
 from kpred.nn import KPRed
-from kpred.ops import icosphere, mean_value_coordinates, sample_surface, unit_box_frame
+from kpred.ops import depth_scan, icosphere, mean_value_coordinates, sample_surface, unit_box_frame
 from kpred.ops.typing import Float
 from kpred.shapes.pack import MeshPack
 
 POOL_POINTS = 4096
 """Points kept per shape; every step draws its targets from them."""
+
+SCAN_POINTS = 1024
+"""Points kept per depth scan."""
 
 Progress = Callable[[str, int, int], None]
 """Called with (what is being done, done, total)."""
@@ -28,11 +32,14 @@ class TrainingData:
     Attributes:
         pool: (shapes, POOL_POINTS, 3) surface points.
         sources: indices of the shapes that are deformed; targets: those that are deformed to.
+        scans: (shapes, views, points, 3) what a depth camera sees of each shape from random sides, in the unit box of
+            the whole shape; no views unless the partial stage is trained.
         points: (sources, P, 3) the fixed points of each source.
         cages: (sources, cage vertices, 3); weights: (sources, P, cage vertices) mean value coordinates, half precision.
     """
 
     pool: Tensor
+    scans: Tensor
     sources: Tensor
     targets: Tensor
     points: Tensor
@@ -49,36 +56,48 @@ class TrainingData:
     ) -> Float[Tensor, "count points 3"]:
         """Random targets: fresh points from the pool, mirrored and stretched at random, in their own unit boxes."""
         chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
-        clouds = self.pool[chosen]
-        pick = torch.rand(count, POOL_POINTS, generator=generator, device=self.device).argsort(1)[:, :points]
-        clouds = torch.gather(clouds, 1, pick[..., None].expand(-1, -1, 3))
-        return augment(clouds, stretch, generator)
+        clouds = self._fresh(chosen, points, generator)
+        return to_unit_box(clouds * random_factors(count, stretch, generator)) if stretch > 1 else clouds
+
+    def draw_scanned_targets(
+        self, count: int, points: int, stretch: float, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "count points 3"], Float[Tensor, "count seen 3"]]:
+        """Random targets as in `draw_targets`, each with one of its depth scans in the target's unit box."""
+        chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
+        view = _integers(self.scans.shape[1], count, generator, self.device)
+        clouds, scans = self._fresh(chosen, points, generator), self.scans[chosen, view]
+        factors = random_factors(count, stretch, generator)
+        clouds, scans = clouds * factors, scans * factors
+        middle, half = box_of(clouds)
+        return (clouds - middle) / half, (scans - middle) / half
+
+    def _fresh(self, chosen: Tensor, points: int, generator: torch.Generator) -> Tensor:
+        pick = torch.rand(len(chosen), POOL_POINTS, generator=generator, device=self.device).argsort(1)[:, :points]
+        return torch.gather(self.pool[chosen], 1, pick[..., None].expand(-1, -1, 3))
 
     def draw_sources(self, count: int, generator: torch.Generator) -> Tensor:
         """Random rows of `points`, `cages` and `weights`."""
         return _integers(len(self.sources), count, generator, self.device)
 
 
-def augment(
-    clouds: Float[Tensor, "batch points 3"], stretch: float, generator: torch.Generator
-) -> Float[Tensor, "batch points 3"]:
-    """Mirror half of the clouds left to right and scale all per axis by up to `stretch`, back into the unit box.
+def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:
+    """Factors per axis, up to `stretch` or down to its inverse; half of the clouds are mirrored left to right."""
+    options = {"generator": generator, "device": generator.device}
+    factors = stretch ** (2 * torch.rand(count, 1, 3, **options) - 1)
+    mirror = 1 - 2 * torch.randint(0, 2, (count, 1, 1), **options).float()
+    return factors * torch.cat([mirror, torch.ones_like(mirror), torch.ones_like(mirror)], dim=2)
 
-    With `stretch` 1 the clouds come back as they are: the paper trains on the shapes alone.
-    """
-    if stretch <= 1:
-        return clouds
-    options = {"generator": generator, "device": clouds.device}
-    factors = stretch ** (2 * torch.rand(len(clouds), 1, 3, **options) - 1)
-    mirror = 1 - 2 * torch.randint(0, 2, (len(clouds), 1, 1), **options).float()
-    clouds = clouds * factors * torch.cat([mirror, torch.ones_like(mirror), torch.ones_like(mirror)], dim=2)
-    return to_unit_box(clouds)
+
+def box_of(clouds: Float[Tensor, "batch points 3"]) -> tuple[Float[Tensor, "batch 1 3"], Float[Tensor, "batch 1 1"]]:
+    """Middle of each cloud's box, and half of its longest side."""
+    low, high = clouds.amin(1, keepdim=True), clouds.amax(1, keepdim=True)
+    return (low + high) / 2, (high - low).amax(2, keepdim=True) / 2
 
 
 def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
     """Each cloud centred on its box and divided by its largest absolute coordinate."""
-    low, high = clouds.amin(1, keepdim=True), clouds.amax(1, keepdim=True)
-    return (clouds - (low + high) / 2) / ((high - low).amax(2, keepdim=True) / 2)
+    middle, half = box_of(clouds)
+    return (clouds - middle) / half
 
 
 def prepare(
@@ -90,18 +109,20 @@ def prepare(
     source_split: str | None = None,
     progress: Progress | None = None,
     batch: int = 16,
+    views: int = 0,
 ) -> TrainingData:
     """Sample every shape of the splits `source` and `train`, and compute cages and coordinates of the sources.
 
     Args:
         source_split: split whose shapes are deformed (`source` in the paper); None deforms the shapes of both splits,
             since no training split is ever searched at test time.
+        views: depth scans per shape, for the partial stage.
 
     Raises:
         PackError: if fewer than two usable shapes remain.
     """
     generator = torch.Generator().manual_seed(seed)
-    clouds, is_source, vertices = [], [], []
+    clouds, scans, is_source, vertices = [], [], [], []
     total = sum(len(pack) for pack in packs)
     for pack in packs:
         for index in range(len(pack)):
@@ -119,10 +140,13 @@ def prepare(
                 continue
             shuffle = torch.randperm(POOL_POINTS, generator=generator)
             clouds.append(cloud[shuffle])
+            scans.append(_scans(corners, torch.from_numpy(mesh.faces).long(), views, generator))
             is_source.append(source_split is None or split == source_split)
             vertices.append(corners)
     if sum(is_source) < 2:
-        raise PackError("The mesh packs hold fewer than two shapes to train on; give packs with splits source and train.")
+        raise PackError(
+            "The mesh packs hold fewer than two shapes to train on; give packs with splits source and train."
+        )
     pool = torch.stack(clouds).to(device)
     sources = torch.tensor(is_source, device=device).nonzero().squeeze(1)
     faces = icosphere(network.config.cage_subdivisions)[1].to(device)
@@ -137,6 +161,7 @@ def prepare(
         weights.append(mean_value_coordinates(pool[rows, :points], cage, faces).half())
     return TrainingData(
         pool=pool,
+        scans=torch.stack(scans).to(device),
         sources=sources,
         targets=torch.arange(len(pool), device=device),
         points=pool[sources, :points].contiguous(),
@@ -150,6 +175,21 @@ def _with_vertices(cloud: Tensor, vertices: Tensor, count: int = 1024) -> Tensor
     step = max(1, -(-len(vertices) // count))
     corners = vertices[::step]
     return torch.cat([cloud[: len(cloud) - len(corners)], corners])
+
+
+def _scans(vertices: Tensor, faces: Tensor, views: int, generator: torch.Generator) -> Tensor:
+    """What a camera sees from `views` random sides, from a little below the middle of the object to steeply above."""
+    found = torch.empty(views, SCAN_POINTS, 3)
+    for view in range(views):
+        turn, rise, far = torch.rand(3, generator=generator).tolist()
+        azimuth, elevation, distance = 2 * math.pi * turn, math.radians(-5 + 60 * rise), 2.5 + 3 * far
+        level = distance * math.cos(elevation)
+        camera = torch.tensor(
+            [level * math.sin(azimuth), distance * math.sin(elevation), level * math.cos(azimuth)], dtype=torch.float32
+        )
+        seen = depth_scan(vertices, faces, camera, SCAN_POINTS, resolution=96, generator=generator)
+        found[view] = seen[torch.arange(SCAN_POINTS) % len(seen)]
+    return found
 
 
 def _integers(high: int, count: int, generator: torch.Generator, device: torch.device) -> Tensor:

@@ -62,7 +62,9 @@ def train_stage(
     writer = _writer(folder / "log") if log and first < total else None
     network.train()
     done = first
-    losses_of = torch.compile(work.losses, dynamic=False) if config.compile and data.device.type == "cuda" else work.losses
+    losses_of = (
+        torch.compile(work.losses, dynamic=False) if config.compile and data.device.type == "cuda" else work.losses
+    )
     try:
         for step in range(first, total):
             for group in optimizer.param_groups:
@@ -121,7 +123,9 @@ def _fitting_checkpoint(
     checkpoint = Checkpoint.load(path, device)
     same_model = checkpoint.model_config == network.config.to_dict()
     if not same_model or checkpoint.train_config != config.to_dict():
-        raise CheckpointError(f"{path} belongs to a run with other settings; give another run folder or the same settings.")
+        raise CheckpointError(
+            f"{path} belongs to a run with other settings; give another run folder or the same settings."
+        )
     return checkpoint
 
 

@@ -57,7 +57,8 @@ def train(
         if not earlier.exists():
             raise CheckpointError(f"{earlier} is missing; train the stage '{order[first - 1]}' in this folder first.")
         network.load_state_dict(Checkpoint.load(earlier, device).weights)
-    data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress)
+    views = config.views if "partial" in stages else 0
+    data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress, views=views)
     for stage in order:
         if stage in stages:
             train_stage(network, data, config, stage, folder, report=report, resume=resume)

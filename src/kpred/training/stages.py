@@ -16,7 +16,7 @@ from kpred.ops.chamfer import squared_distances
 from kpred.ops.occlusion import random_directions, resample_visible
 from kpred.ops.regions import gather_points
 from kpred.training.config import StageConfig, TrainConfig
-from kpred.training.data import TrainingData
+from kpred.training.data import TrainingData, box_of
 
 RANKING_POINTS = 256
 """Points per shape when all sources of a batch are compared with all its targets."""
@@ -61,7 +61,9 @@ class Stage(ABC):
             return rows
         few = slice(0, RANKING_POINTS)
         distance = chamfer_distance(target[:, few].repeat_interleave(choices, 0), self.data.points[rows, few])
-        return rows.view(batch, choices)[torch.arange(batch, device=rows.device), distance.view(batch, choices).argmin(1)]
+        return rows.view(batch, choices)[
+            torch.arange(batch, device=rows.device), distance.view(batch, choices).argmin(1)
+        ]
 
     def _equal_confidence(self) -> Tensor:
         return torch.ones(self.network.config.keypoints, device=self.data.device)
@@ -107,9 +109,12 @@ class DeformationStage(Stage):
 
     def _refined(self, source: Tensor, target: Tensor, basis: Tensor, displacement: Tensor) -> Tensor:
         """CD after refinement. At the least-squares optimum the error does not change with the displacement to first
-        order, so that its gradient with respect to the basis is exact with the displacement held fixed."""
+        order, so that its gradient with respect to the basis is exact with the displacement held fixed.
+        """
         with torch.no_grad():
-            refined = refine_keypoints(source, basis, displacement, target, self._equal_confidence(), TRAIN_REFINE, False)
+            refined = refine_keypoints(
+                source, basis, displacement, target, self._equal_confidence(), TRAIN_REFINE, False
+            )
         return chamfer_distance(target, source + basis @ refined).mean()
 
     def _spread(self, clouds: Tensor, keypoints: Tensor) -> Tensor:
@@ -198,8 +203,7 @@ class PartialStage(FrozenDeformer):
 
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         config, network = self.config, self.network
-        target = self._targets(generator)
-        seen = self._occlude(target, generator)
+        target, seen = self._partial_targets(generator)
         with torch.no_grad():
             teacher = network.keypoints(self._few(target))
             confidence = network.confidence(seen, teacher)
@@ -218,17 +222,46 @@ class PartialStage(FrozenDeformer):
             tokens = network.partial_retrieval_tokens(seen, keypoints.detach())
             off = (tokens - wanted).abs().mean(-1)
             losses["tokens"] = config.partial_token_weight * (weight * off).mean()
+        if config.box_weight > 0:
+            losses["box"] = config.box_weight * self._box(self._few(seen), target)
         return losses
 
-    def _occlude(self, target: Tensor, generator: torch.Generator) -> Tensor:
+    def _box(self, seen: Tensor, target: Tensor) -> Tensor:
+        """Negative log likelihood (Laplace) of the whole object's box, seen from the visible part's own unit box."""
+        middle, half = box_of(seen)
+        whole = torch.stack([target.amin(1), target.amax(1)], dim=1)
+        corners, spread = self.network.whole_box((seen - middle) / half)
+        return ((corners - (whole - middle) / half).abs() / spread + spread.log()).mean()
+
+    def _partial_targets(self, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Full targets and what is seen of them: some cut by a plane (the paper), some seen by a depth camera."""
+        config, data, batch = self.config, self.data, self.settings.batch
+        scanned = round(config.scanned * batch) if data.scans.shape[1] else 0
+        target = data.draw_targets(batch - scanned, config.points, config.stretch, generator)
+        seen = self._slice(target, generator)
+        if scanned:
+            whole, scans = data.draw_scanned_targets(scanned, config.points, config.stretch, generator)
+            pick = torch.arange(config.points, device=data.device) % scans.shape[1]
+            target, seen = torch.cat([target, whole]), torch.cat([seen, scans[:, pick]])
+        return target, self._disturb(seen, generator)
+
+    def _slice(self, target: Tensor, generator: torch.Generator) -> Tensor:
         low, high = self.config.occlusion
         ratio = low + (high - low) * torch.rand(len(target), generator=generator, device=target.device)
         normal = random_directions(len(target), generator, target.device)
         visible = slice_by_plane(target, ratio, normal)
         index = resample_visible(target, visible, target.shape[1], generator)
-        seen = torch.gather(target, 1, index[..., None].expand(-1, -1, 3))
-        noise = torch.randn(seen.shape, generator=generator, device=seen.device)
-        return seen + self.config.noise * noise
+        return torch.gather(target, 1, index[..., None].expand(-1, -1, 3))
+
+    def _disturb(self, seen: Tensor, generator: torch.Generator) -> Tensor:
+        """Jitter, and stray points anywhere near the visible part; how much differs from cloud to cloud."""
+        options = {"generator": generator, "device": seen.device}
+        level = torch.rand(len(seen), 1, 1, **options)
+        seen = seen + self.config.noise * level * torch.randn(seen.shape, **options)
+        middle, half = box_of(seen)
+        stray = middle + half * (2.4 * torch.rand(seen.shape, **options) - 1.2)
+        share = self.config.outliers * torch.rand(len(seen), 1, 1, **options)
+        return torch.where(torch.rand(*seen.shape[:2], 1, **options) < share, stray, seen)
 
 
 STAGE_CLASSES: dict[str, type[Stage]] = {
