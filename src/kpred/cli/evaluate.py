@@ -1,0 +1,135 @@
+"""`kpred evaluate`: how well a model fits, beside what needs no model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateCommand(Command):
+    """Measure a model on mesh packs: best of the top k, mean over the shapes of a split.
+
+    The same run measures the true nearest undeformed shapes and a baseline without learning. Without --database, the
+    split `source` of each pack is what is retrieved and deformed. With --json or -o: one row a number, with dataset,
+    split, category, protocol, top_k, metric, distance, unit, value and n.
+
+    examples:
+      kpred evaluate chair.npz table.npz cabinet.npz
+      kpred evaluate packs/ --model runs/chair/model --top-k 1 5 10 25 -o rows.json
+      kpred evaluate chair.npz --protocol partial --occlusions 0.25 0.5 --limit 50 --json
+    """
+
+    packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
+    """Mesh packs (.npz), or folders of them"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
+    """Write the rows, and what they were made by, to this JSON file too"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    database: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Search this database (.kpred); without it, one built from the split `source` of each pack"""
+    split: Annotated[str, arg(metavar="NAME")] = "val"
+    """Whose shapes are the targets"""
+    top_k: Annotated[tuple[int, ...], arg(metavar="K [K ...]")] = (10,)
+    """How many retrieved models are deformed and compared; several numbers are measured in one run"""
+    protocol: Literal["full", "partial", "all"] = "full"
+    """Whole clouds, clouds cut by a random plane, or both; always in the frame of the whole shape"""
+    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
+    """Shares hidden in the partial protocol"""
+    limit: Annotated[int | None, arg(metavar="N")] = None
+    """At most so many targets a pack, drawn at random by the seed"""
+    seed: Annotated[int, arg(metavar="SEED")] = 0
+    """Of targets, planes and sampling; the same arguments give the same rows"""
+    oracle: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Deform and compare all of the database as well (slow)"""
+
+    def run(self, output: Output) -> None:
+        """Measure with a progress bar, print and write the rows."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.evaluation import evaluate, run_header, write_rows
+        from kpred.nn import load_model
+
+        if not self.packs:
+            raise UsageError("no pack was named; try `kpred evaluate FILE.npz`")
+        if self.output is not None:
+            _check_folder(self.output)
+        model = load_model(self.model)
+        left_out: list[str] = []
+        with ProgressBar() as bar:
+            rows = evaluate(
+                self.packs,
+                model,
+                self.database,
+                split=self.split,
+                top_k=self.top_k,
+                protocol=self.protocol,
+                occlusions=self.occlusions,
+                limit=self.limit,
+                seed=self.seed,
+                oracle=self.oracle,
+                progress=bar.update,
+                report=left_out.append,
+            )
+        if self.output is not None:
+            header = run_header(
+                model,
+                self.database,
+                split=self.split,
+                top_k=self.top_k,
+                protocol=self.protocol,
+                limit=self.limit,
+                seed=self.seed,
+            )
+            write_rows(self.output, header, rows)
+        output.result([row.to_json() for row in rows])
+        for dataset, category in dict.fromkeys((row.dataset, row.category) for row in rows):
+            shown = [row for row in rows if (row.dataset, row.category) == (dataset, category)]
+            first = shown[0]
+            output.table(
+                f"{dataset} / {category}: {first.n} shapes of {first.split} against {first.database_models} models; "
+                f"{first.unit}, {first.frame}",
+                ["protocol", "hidden", "metric", "distance", "top k", "value", "/ undeformed", "/ no learning"],
+                [
+                    (
+                        row.protocol,
+                        row.occlusion,
+                        row.metric,
+                        _SHORT.get(row.distance, row.distance),
+                        "all" if row.top_k is None else str(row.top_k),
+                        row.value,
+                        row.ratio_to_undeformed,
+                        row.ratio_to_no_learning,
+                    )
+                    for row in shown
+                ],
+            )
+        for sentence in left_out[:10]:
+            output.note(f"note: {sentence}")
+        if len(left_out) > 10:
+            output.note(f"note: and {len(left_out) - 10} more")
+        if self.output is not None:
+            output.note(f"wrote {self.output}")
+
+
+_SHORT = {
+    "chamfer_distance": "CD",
+    "unilateral_chamfer_distance": "UCD",
+    "unilateral_chamfer_distance_of_whole_surface": "UCD, whole",
+}
+
+
+def _check_folder(path: Path) -> None:
+    from kpred.errors import OutputError
+
+    if not path.parent.is_dir():
+        raise OutputError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
+
+
+COMMAND: type[Command] = EvaluateCommand

@@ -1,0 +1,38 @@
+"""Evaluation: protocols, baselines and the rows that say what was measured.
+
+Names are imported at first use, so that `import kpred.evaluation` loads neither SQLAlchemy nor torch.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kpred.evaluation.rows import Row as Row
+    from kpred.evaluation.rows import Score as Score
+    from kpred.evaluation.rows import aggregate as aggregate
+    from kpred.evaluation.rows import write_rows as write_rows
+    from kpred.evaluation.run import evaluate as evaluate
+    from kpred.evaluation.run import run_header as run_header
+
+_HOME = {
+    "Row": "rows",
+    "Score": "rows",
+    "aggregate": "rows",
+    "evaluate": "run",
+    "run_header": "run",
+    "write_rows": "rows",
+}
+
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

@@ -1,0 +1,121 @@
+"""Protocols: what is measured for one target against one database.
+
+`full`: the whole surface is seen; networks for full shapes; Chamfer distance (CD). `partial`: a random plane hides a
+share of the points while the frame stays that of the whole shape; networks for partial scans; distance from the seen
+points to the result alone (UCD), and, of the same result, from the whole surface (metrics that end in `_whole`).
+
+Metrics, each the best of the models compared:
+    sampling_floor       two independent samples of the target: what even a perfect result would be charged
+    undeformed_nearest   the true nearest database shape as it is, all of them compared
+    no_learning          the nearest undeformed shapes, deformed by `NoLearning` with refinement from no displacement
+    feed_forward         models retrieved by tokens, deformed by the network's keypoints (the published protocol)
+    refined              the same after keypoint refinement
+    oracle_...           the same with all of the database in place of the retrieved models
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from kpred.database import Database
+from kpred.evaluation.baselines import CHUNK, NoLearning, undeformed_errors
+from kpred.evaluation.rows import CD, NO_LEARNING, UCD, UCD_WHOLE, UNDEFORMED, WHOLE, Score
+from kpred.evaluation.targets import Target
+from kpred.fitting import RefineConfig
+from kpred.fitting.candidates import Candidates, retrieve
+from kpred.fitting.observation import observe
+from kpred.nn import KPRed
+from kpred.ops import chamfer_distance, squared_distances
+
+FULL, PARTIAL = "full", "partial"
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What targets of one category are measured against.
+
+    Attributes:
+        network: the learned model; database: where it searches; baseline: the same shapes for both baselines.
+        top_k: numbers of models to compare; every number gets scores of its own.
+        refinement: settings of the refinement, for the learned model and for the baseline alike.
+        oracle: whether all of the database is deformed and compared too.
+    """
+
+    network: KPRed
+    database: Database
+    baseline: NoLearning
+    top_k: tuple[int, ...]
+    refinement: RefineConfig
+    oracle: bool = False
+
+
+def measure(target: Target, bench: Bench, protocol: str, occlusion: float = 0.0) -> list[Score]:
+    """All scores of one target; what is measured is what `kpred.fit` does with `frame="known"` and this category."""
+    partial = protocol == PARTIAL
+    cloud = target.visible(occlusion) if partial else target.points
+    sheet = _Sheet(protocol, occlusion, target.points if partial else None)
+    category, shapes = bench.baseline.category, bench.baseline.points
+    undeformed = undeformed_errors(cloud, shapes, partial)
+    sheet.floor(cloud, target.again)
+    sheet.add(UNDEFORMED, float(undeformed.min()))
+    if partial:
+        sheet.add(UNDEFORMED + WHOLE, float(undeformed_errors(target.points, shapes, partial=True).min()), UCD_WHOLE)
+
+    most = len(shapes) if bench.oracle else max(bench.top_k)
+    observation = observe(cloud[None], bench.network, partial)
+    found = retrieve(observation, 0, bench.database, category, most, partial)
+    nearest = undeformed.argsort(stable=True)[:most]
+    unmoved = bench.baseline.candidates(cloud, undeformed, nearest, partial)
+    few = torch.arange(min(max(bench.top_k), len(shapes)))
+    sheet.best(NO_LEARNING, unmoved.refined(bench.refinement, few), bench.top_k)
+    sheet.best("feed_forward", found, bench.top_k)
+    sheet.best("refined", found.refined(bench.refinement, few), bench.top_k)
+    if bench.oracle:
+        sheet.add(f"oracle_{NO_LEARNING}", _best_of_all(unmoved, bench.refinement))
+        sheet.add("oracle_feed_forward", _best_of_all(found, None))
+        sheet.add("oracle_refined", _best_of_all(found, bench.refinement))
+    return sheet.scores
+
+
+class _Sheet:
+    """Scores of one target under one protocol and occlusion."""
+
+    def __init__(self, protocol: str, occlusion: float, whole: Tensor | None) -> None:
+        self.protocol, self.occlusion, self.whole = protocol, occlusion, whole
+        self.scores: list[Score] = []
+
+    @property
+    def distance(self) -> str:
+        return CD if self.whole is None else UCD
+
+    def add(self, metric: str, value: float, distance: str | None = None, top_k: int | None = None) -> None:
+        distance = self.distance if distance is None else distance
+        self.scores.append(Score(self.protocol, self.occlusion, metric, distance, top_k, value))
+
+    def floor(self, cloud: Tensor, again: Tensor) -> None:
+        if self.whole is None:
+            self.add("sampling_floor", float(chamfer_distance(cloud[None], again[None])))
+        else:
+            self.add("sampling_floor", float(squared_distances(cloud[None], again[None]).mean()))
+
+    def best(self, metric: str, candidates: Candidates, top_k: tuple[int, ...]) -> None:
+        """The lowest error among the first k candidates; they come nearest first."""
+        errors = candidates.errors()
+        for k in top_k:
+            row = errors[:k].argmin()
+            self.add(metric, float(errors[row]), top_k=k)
+            if self.whole is not None:
+                # The model was chosen by what was seen; it is charged for what was not.
+                squared = squared_distances(self.whole[None], candidates.take(row[None]).deformed())
+                self.add(metric + WHOLE, float(squared.mean()), UCD_WHOLE, k)
+
+
+def _best_of_all(candidates: Candidates, refinement: RefineConfig | None) -> float:
+    best = float("inf")
+    for rows in torch.arange(len(candidates.points)).split(CHUNK):
+        part = candidates.take(rows) if refinement is None else candidates.refined(refinement, rows)
+        best = min(best, float(part.errors().min()))
+    return best
