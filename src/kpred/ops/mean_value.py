@@ -7,6 +7,11 @@ from torch import Tensor
 
 from kpred.ops.typing import Float, Int
 
+try:
+    from kpred.ops.mean_value_cpu import mean_value_cpu
+except ImportError:  # numba is absent on machines that only train
+    mean_value_cpu = None  # type: ignore[assignment]
+
 POINT_CHUNK = 1024
 """Points handled at once; with 80 cage faces this keeps the working set within a few tens of megabytes."""
 
@@ -21,6 +26,17 @@ def mean_value_coordinates(
     Points on a cage vertex, edge or face get that element's own (barycentric) weights, the limit of the formula.
     Computed in double precision, returned in the precision of `points`. Winding of `faces` must be consistent.
     """
+    if mean_value_cpu is not None and points.device.type == "cpu" and not (points.requires_grad or cage.requires_grad):
+        return torch.from_numpy(mean_value_cpu(points.numpy(), cage.numpy(), faces.numpy())).to(points.dtype)
+    return mean_value_reference(points, cage, faces)
+
+
+def mean_value_reference(
+    points: Float[Tensor, "batch points 3"],
+    cage: Float[Tensor, "batch vertices 3"],
+    faces: Int[Tensor, "faces 3"],
+) -> Float[Tensor, "batch points vertices"]:
+    """`mean_value_coordinates` in plain torch, by chunks of points; runs on every device, and is differentiable."""
     parts = [_coordinates(part.double(), cage.double(), faces) for part in points.split(POINT_CHUNK, dim=1)]
     return torch.cat(parts, dim=1).to(points.dtype)
 
