@@ -204,8 +204,8 @@ class SearchCommand(Command):
             model = load_model(self.model)
             result = fit(scan, model, database, category=self.category, top_k=self.top_k, refine=False)
         rows = [
-            {"rank": rank, "model_id": found.model_id, "category": found.category, "error": found.error}
-            for rank, found in enumerate(result.candidates, start=1)
+            {"model_id": found.model_id, "category": found.category, "token_distance": found.distance}
+            for found in sorted(result.candidates, key=lambda found: found.distance)
         ]
         output.result(rows)
         output.table(f"models for {self.scan}", list(rows[0]), [list(row.values()) for row in rows])

@@ -18,8 +18,8 @@ class EvaluateCommand(Command):
     """Measure a model on mesh packs: best of the top k, mean over the shapes of a split.
 
     The same run measures the true nearest undeformed shapes and a baseline without learning. Without --database, the
-    split `source` of each pack is what is retrieved and deformed. With --json or -o: one row a number, with dataset,
-    split, category, protocol, top_k, metric, distance, unit, value and n.
+    split `source` of each pack is what is retrieved and deformed. With --json or -o: a header (weights, database, seed,
+    versions), and one row a number, with dataset, split, category, protocol, top_k, metric, distance, unit, value, n.
 
     examples:
       kpred evaluate chair.npz table.npz cabinet.npz
@@ -77,30 +77,31 @@ class EvaluateCommand(Command):
                 progress=bar.update,
                 report=left_out.append,
             )
+        header = run_header(
+            model,
+            self.database,
+            split=self.split,
+            top_k=self.top_k,
+            protocol=self.protocol,
+            occlusions=self.occlusions,
+            limit=self.limit,
+            seed=self.seed,
+            remarks=left_out,
+        )
         if self.output is not None:
-            header = run_header(
-                model,
-                self.database,
-                split=self.split,
-                top_k=self.top_k,
-                protocol=self.protocol,
-                limit=self.limit,
-                seed=self.seed,
-            )
             write_rows(self.output, header, rows)
-        output.result([row.to_json() for row in rows])
+        output.result({"header": header, "rows": [row.to_json() for row in rows]})
         for dataset, category in dict.fromkeys((row.dataset, row.category) for row in rows):
             shown = [row for row in rows if (row.dataset, row.category) == (dataset, category)]
             first = shown[0]
             output.table(
                 f"{dataset} / {category}: {first.n} shapes of {first.split} against {first.database_models} models; "
                 f"{first.unit}, {first.frame}",
-                ["protocol", "hidden", "metric", "distance", "top k", "value", "/ undeformed", "/ no learning"],
+                ["protocol", "metric", "distance", "top k", "value", "/ undeformed", "/ unlearned"],
                 [
                     (
-                        row.protocol,
-                        row.occlusion,
-                        row.metric,
+                        row.protocol if row.protocol == "full" else f"{row.protocol} {row.occlusion:g}",
+                        row.metric.replace("_", " "),
                         _SHORT.get(row.distance, row.distance),
                         "all" if row.top_k is None else str(row.top_k),
                         row.value,
@@ -110,6 +111,7 @@ class EvaluateCommand(Command):
                     for row in shown
                 ],
             )
+        output.note("note: means over the shapes; the numbers of published tables are most likely 10^2 times these")
         for sentence in left_out[:10]:
             output.note(f"note: {sentence}")
         if len(left_out) > 10:

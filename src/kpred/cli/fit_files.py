@@ -57,16 +57,18 @@ def write_files(fit: Fit, scan: np.ndarray, path: Path, *, scan_path: Path, pict
 def describe(output: Output, fit: Fit, files: list[Path]) -> None:
     """Print what was chosen, how well it fits, how long it took and which files were written."""
     output.result({**fit.to_json(), "files": files})
-    rows: list[tuple[str, Any, str]] = [
-        ("model", fit.source.model_id, ""),
-        ("category", fit.source.category, ""),
-        ("candidates compared", len(fit.candidates), ""),
-        ("triangles", len(fit.mesh.faces), ""),
-        ("size", " x ".join(f"{side:.3g}" for side in np.ptp(fit.mesh.bounds, axis=0)), "units of the scan"),
-        *((metric.name, metric.value, f"{metric.unit}, {metric.frame}") for metric in fit.metrics),
-        ("time", f"{1000 * sum(fit.timings.values()):.0f}", "ms"),
+    size = " x ".join(f"{side:.3g}" for side in np.ptp(fit.mesh.bounds, axis=0))
+    rows: list[tuple[str, Any, str, str]] = [
+        ("model", fit.source.model_id, "", ""),
+        ("category", fit.category, "", ""),
+        ("scan taken as", "partial" if fit.partial else "full", "", ""),
+        ("models compared", len(fit.candidates), "", ""),
+        ("triangles", len(fit.mesh.faces), "", ""),
+        ("size", size, "scan units", "scan"),
+        *((metric.name.replace("_", " "), metric.value, metric.unit, metric.frame) for metric in fit.metrics),
+        ("time", f"{1000 * sum(fit.timings.values()):.0f}", "ms", ""),
     ]
-    output.table("fit", ["", "value", "unit"], rows)
+    output.table("fit", ["", "value", "unit", "frame"], rows)
     for file in files:
         output.note(f"wrote {file}")
 

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+_FILE_WIDTH = 140
+"""Columns of tables that go to a file or a pipe, where there is no terminal to ask."""
+
+
 class Output:
     """Standard output belongs to the result: text and tables for people, or one JSON value with ``--json``.
 
@@ -30,7 +34,10 @@ class Output:
         if self._people is None:
             from rich.console import Console
 
-            self._people = Console(stderr=self.as_json, highlight=False, soft_wrap=True)
+            console = Console(stderr=self.as_json, highlight=False, soft_wrap=True)
+            if not console.is_terminal:
+                console.width = _FILE_WIDTH
+            self._people = console
         return self._people
 
     def note(self, text: str) -> None:
@@ -46,7 +53,7 @@ class Output:
         body = [list(row) for row in rows]
         table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
         for number, name in enumerate(columns):
-            numeric = bool(body) and all(isinstance(row[number], int | float) for row in body)
+            numeric = bool(body) and all(isinstance(row[number], int | float | None) for row in body)
             table.add_column(Text(name), justify="right" if numeric else "left", overflow="fold")
         for row in body:
             table.add_row(*(Text(_shown(cell)) for cell in row))
