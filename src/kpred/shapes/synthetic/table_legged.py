@@ -107,7 +107,9 @@ def console_table(rng: np.random.Generator) -> list[Part]:
     parts = tabletop(rng, width, depth, height, thick, shape)
     parts += four_legs(rng, wide, deep, height - thick, style, apron, shelf=shelf)
     if shelf is not None and happens(rng, 0.3) and style.splay == 0:
-        parts.append(box((wide - style.thickness, 0.02, deep - style.thickness), (0, shelf + 0.22, 0), "shelf"))
+        parts.append(
+            box((wide - 0.3 * style.thickness, 0.02, deep - 0.3 * style.thickness), (0, shelf + 0.22, 0), "shelf")
+        )
     if apron and happens(rng, 0.75):
         front = Opening(
             -wide / 2 + style.thickness,

@@ -70,8 +70,8 @@ def tabletop(
         ]
         return planks + battens
     if shape == "framed":
-        rim, drop = between(rng, 0.05, 0.1), thickness * 0.15
-        inner = thickness * between(rng, 0.3, 0.6)
+        rim, drop = between(rng, 0.05, 0.1), thickness * between(rng, 0.05, 0.4)
+        inner = thickness - drop  # down to the frame's lower face, on which bases push
         return [
             box((width, thickness, rim), (0, middle, (depth - rim) / 2), label),
             box((width, thickness, rim), (0, middle, (rim - depth) / 2), label),
