@@ -81,16 +81,18 @@ def evaluate(
         ModelError, DatabaseError: they are missing, do not fit each other, or do not know a pack's category.
         ConfigError: an argument has an impossible value.
     """
-    plan = _Plan(
-        _numbers(top_k), _steps(protocol, occlusions), split, limit, seed, oracle, refinement or RefineConfig()
-    )
+    steps = _steps(protocol, occlusions)
+    plan = _Plan(_numbers(top_k), steps, split, limit, seed, oracle, refinement or RefineConfig())
     files = pack_files(packs)
     networks = model if isinstance(model, Model) else load_model(model)
     rows: list[Row] = []
     pooled: list[Score] = []
     models_searched: list[int] = []
-    for file in files:
-        pack = MeshPack.load(file)
+    loaded = [MeshPack.load(file) for file in files]
+    # What is wrong with the last pack must not come out after an hour's work on the first.
+    for file, pack in zip(files, loaded, strict=True):
+        _check(file, pack, networks, split, needs_source=database is None)
+    for file, pack in zip(files, loaded, strict=True):
         scores, size, count = _measure_pack(file, pack, networks, database, plan, progress, report)
         dataset = file.resolve().parent.name
         rows += aggregate(scores, dataset=dataset, split=split, category=pack.category, database_models=size)
@@ -126,9 +128,11 @@ def run_header(
     split: str,
     top_k: int | Sequence[int],
     protocol: str,
-    limit: int | None,
-    seed: int,
+    occlusions: Sequence[float] = OCCLUSIONS,
+    limit: int | None = None,
+    seed: int = 0,
     refinement: RefineConfig | None = None,
+    remarks: Sequence[str] = (),
 ) -> dict[str, Any]:
     """What the rows of a run were made by, as plain values: model, database, seed, versions and how to read them."""
     path = database.path if isinstance(database, Database) else database
@@ -138,12 +142,14 @@ def run_header(
         "database": f"built from the split '{SOURCE_SPLIT}' of each pack" if path is None else str(path),
         "split": split,
         "protocol": protocol,
+        "occlusions": [] if protocol == FULL else list(occlusions),
         "top_k": list(_numbers(top_k)),
         "limit": limit,
         "seed": seed,
         "refinement": asdict(refinement or RefineConfig()),
         "unit": UNIT,
         "frame": FRAME,
+        "remarks": list(remarks),
         "note": "mean over instances; the numbers of published tables are most likely 10^2 times these",
         "versions": {
             "kpred": __version__,
@@ -177,15 +183,8 @@ def _measure_pack(
     name = f"{file.resolve().parent.name}/{pack.category}"
     network = model[pack.category]
     targets = read_targets(pack, str(file), plan.split, plan.limit, plan.seed, report)
-    with _searched(
-        file,
-        pack,
-        model,
-        database,
-        plan.seed,
-        _counter(progress, f"{name}: database", len(pack.indices(SOURCE_SPLIT))),
-        report,
-    ) as store:
+    building = _counter(progress, f"{name}: database", len(pack.indices(SOURCE_SPLIT)))
+    with _searched(file, model, database, plan.seed, building, report) as store:
         arrays = store.candidates(pack.category)
         known = set(arrays.model_ids) & {target.model_id for target in targets}
         if known:
@@ -205,10 +204,18 @@ def _measure_pack(
     return scores, len(shapes), len(targets)
 
 
+def _check(file: Path, pack: MeshPack, model: Model, split: str, needs_source: bool) -> None:
+    model[pack.category]
+    if not len(pack.indices(split)):
+        found = ", ".join(sorted(set(pack.split.tolist()))) or "none"
+        raise PackError(f"{file}: no shape is in the split '{split}'; its splits are {found}.")
+    if needs_source and not len(pack.indices(SOURCE_SPLIT)):
+        raise PackError(f"{file}: no shape is in the split '{SOURCE_SPLIT}' to search; give a database.")
+
+
 @contextmanager
 def _searched(
     file: Path,
-    pack: MeshPack,
     model: Model,
     database: Database | str | os.PathLike[str] | None,
     seed: int,
@@ -224,8 +231,6 @@ def _searched(
             store.check_model(model)
             yield store
     else:
-        if not len(pack.indices(SOURCE_SPLIT)):
-            raise PackError(f"{file}: no shape is in the split '{SOURCE_SPLIT}' to search; give a database.")
         with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
             path = Path(folder) / "source.kpred"
             shapes = open_shapes(file, split=SOURCE_SPLIT, report=report)
