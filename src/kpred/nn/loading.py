@@ -49,6 +49,10 @@ class Model(Mapping[str, KPRed]):
     def __len__(self) -> int:
         return len(self.networks)
 
+    # Two models are the same only if they are one object: weights are not compared.
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
     @property
     def categories(self) -> tuple[str, ...]:
         """Names of the categories."""
@@ -100,13 +104,16 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
     """
     folder = Path(folder)
     try:
-        config = ModelConfig.from_dict(json.loads((folder / CONFIG_FILE).read_text()))
+        values = json.loads((folder / CONFIG_FILE).read_text())
+        if not isinstance(values, dict):
+            raise ConfigError("this is not a kpred model config; train or copy it again.")
+        config = ModelConfig.from_dict(values)
         weights = load_file(folder / WEIGHTS_FILE, device=str(device))
     except FileNotFoundError as error:
         raise ModelError(
             f"{error.filename or folder / WEIGHTS_FILE} is missing; give a folder of trained weights."
         ) from error
-    except (json.JSONDecodeError, UnicodeDecodeError, TypeError) as error:
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ModelError(
             f"{folder / CONFIG_FILE} is not a kpred model config ({error}); train or copy it again."
         ) from error
