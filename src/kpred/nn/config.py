@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_type_hints
 
 from kpred.errors import ConfigError
 
@@ -78,11 +78,18 @@ class ModelConfig:
         """The config written by `to_dict`.
 
         Raises:
-            ConfigError: if a key is unknown, as when the file was written by a newer version.
+            ConfigError: if a key is unknown, as when the file was written by a newer version, or a value cannot be.
         """
         unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
         if unknown:
             raise ConfigError(f"Model config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
+        hints = get_type_hints(cls)
+        for name, value in values.items():
+            choices = get_args(hints[name])
+            if choices and value not in choices:
+                raise ConfigError(f"Model setting {name} must be one of {', '.join(choices)}, but is {value!r}.")
+            if not choices and type(value) is not hints[name] and (hints[name], type(value)) != (float, int):
+                raise ConfigError(f"Model setting {name} must be of type {hints[name].__name__}, but is {value!r}.")
         return cls(**values)
 
 
