@@ -1,0 +1,172 @@
+"""Weights on disk: round trip in half precision, and one sentence for every broken folder."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from kpred.errors import ModelError, OutputError
+from kpred.nn import KPRed, Model, load_model, load_network, save_network
+from kpred.nn.loading import CONFIG_FILE, WEIGHTS_FILE
+
+
+@pytest.fixture
+def saved(small, tmp_path: Path) -> tuple[KPRed, Path]:
+    network = small(category="table")
+    save_network(network, tmp_path / "weights")
+    return network, tmp_path / "weights"
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_round_trip(small, tmp_path: Path, clouds, half: bool) -> None:
+    network = small()
+    save_network(network, tmp_path / "a", half=half)
+    loaded = load_network(tmp_path / "a")
+    assert loaded.config == network.config
+    assert loaded.fingerprint() == network.fingerprint()
+    assert not loaded.training
+    assert not any(p.requires_grad for p in loaded.parameters())
+    assert all(p.dtype == torch.float32 for p in loaded.parameters())
+    tolerance = 5e-3 if half else 0
+    torch.testing.assert_close(loaded.keypoints(clouds), network.keypoints(clouds), rtol=0, atol=tolerance)
+    assert sorted(os.listdir(tmp_path / "a")) == [CONFIG_FILE, WEIGHTS_FILE], "something temporary was left"
+    # A second trip changes nothing any more.
+    save_network(loaded, tmp_path / "b", half=half)
+    again = load_network(tmp_path / "b")
+    assert all(torch.equal(x, y) for x, y in zip(loaded.parameters(), again.parameters(), strict=True))
+
+
+def test_half_precision_halves_the_file(small, tmp_path: Path) -> None:
+    network = small()
+    sizes = []
+    for half in (True, False):
+        save_network(network, tmp_path, half=half)
+        sizes.append((tmp_path / WEIGHTS_FILE).stat().st_size)
+    count = sum(p.numel() for p in network.parameters())
+    assert sizes[0] < 2 * count + 20_000
+    assert sizes[1] - sizes[0] == pytest.approx(2 * count, abs=2000)
+
+
+def test_one_folder_or_one_a_category(saved, small, tmp_path: Path) -> None:
+    network, folder = saved
+    alone = load_model(folder)
+    assert alone.categories == ("table",)
+    assert alone["table"].fingerprint() == network.fingerprint()
+    save_network(small(category="chair", seed=1), tmp_path / "all" / "chair")
+    save_network(network, tmp_path / "all" / "table")
+    both = load_model(tmp_path / "all")
+    assert isinstance(both, Model)
+    assert both.categories == ("chair", "table")
+    assert len(both) == 2 and list(both) == ["chair", "table"]
+    assert both["table"].fingerprint() == network.fingerprint() != both["chair"].fingerprint()
+    with pytest.raises(ModelError, match="no category 'sofa'; it knows chair, table"):
+        both["sofa"]
+
+
+def _break(folder: Path, how: str, small) -> None:
+    config, weights = folder / CONFIG_FILE, folder / WEIGHTS_FILE
+    if how == "no weights":
+        weights.unlink()
+    elif how == "no config":
+        config.unlink()
+    elif how == "weights cut":
+        weights.write_bytes(weights.read_bytes()[: weights.stat().st_size // 2])
+    elif how == "weights cut in the header":
+        weights.write_bytes(weights.read_bytes()[:100])
+    elif how == "weights empty":
+        weights.write_bytes(b"")
+    elif how == "weights foreign":
+        weights.write_text("this is not a safetensors file at all, but a text of some length\n" * 50)
+    elif how == "weights of another network":
+        save_file({"layer.weight": torch.zeros(3, 3)}, weights)
+    elif how == "weights of another width":
+        save_network(small(width=32, category="table"), folder / "other")
+        os.replace(folder / "other" / WEIGHTS_FILE, weights)
+    elif how == "config cut":
+        config.write_text(config.read_text()[:40])
+    elif how == "config binary":
+        config.write_bytes(b"\x80\xff\x00\x01")
+    elif how == "config a list":
+        config.write_text("[1, 2]")
+    elif how == "config null":
+        config.write_text("null")
+    elif how == "config of wrong types":
+        config.write_text(json.dumps({"width": "wide"}))
+    elif how == "config newer":
+        config.write_text(json.dumps({**json.loads(config.read_text()), "future": 1}))
+    elif how == "config impossible":
+        config.write_text(json.dumps({"keypoints": 0}))
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("no weights", f"{WEIGHTS_FILE} is missing"),
+        ("no config", f"{CONFIG_FILE} is missing"),
+        ("weights cut", f"{WEIGHTS_FILE} is truncated"),
+        ("weights cut in the header", f"{WEIGHTS_FILE} is truncated"),
+        ("weights empty", f"{WEIGHTS_FILE} is truncated"),
+        ("weights foreign", "no safetensors file"),
+        ("weights of another network", "do not fit"),
+        ("weights of another width", "do not fit"),
+        ("config cut", "not a kpred model config"),
+        ("config binary", "not a kpred model config"),
+        ("config a list", "not a kpred model config"),
+        ("config null", "not a kpred model config"),
+        ("config of wrong types", "width must be of type int"),
+        ("config newer", "unknown settings.*future"),
+        ("config impossible", "keypoints must be at least 1"),
+    ],
+)
+def test_a_broken_folder_gets_one_sentence_that_names_it(saved, small, how: str, message: str) -> None:
+    _, folder = saved
+    _break(folder, how, small)
+    with pytest.raises(ModelError, match=message) as caught:
+        load_network(folder)
+    assert str(folder) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_places_without_a_model(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=f"No weights in {tmp_path}"):
+        load_model(tmp_path)
+    with pytest.raises(ModelError, match="no model folder no_such_folder"):
+        load_model("no_such_folder")
+    with pytest.raises(ModelError, match="no model folder"):
+        load_model(tmp_path / "missing")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ModelError, match="no model folder"):
+        load_model(tmp_path / "file")
+
+
+def test_the_hub_out_of_reach_is_a_model_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    import huggingface_hub
+
+    def refuse(*_args: object, **_options: object) -> str:
+        raise ConnectionError("no route")
+
+    monkeypatch.setattr(huggingface_hub, "snapshot_download", refuse)
+    with pytest.raises(ModelError, match="someone/weights.*Hub"):
+        load_model("someone/weights")
+
+
+def test_a_failed_write_leaves_the_old_weights(saved, small, monkeypatch: pytest.MonkeyPatch) -> None:
+    network, folder = saved
+
+    def full(*_args: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("kpred.nn.loading.save_file", full)
+    with pytest.raises(OutputError, match="No space left on device"):
+        save_network(small(category="table", seed=5), folder)
+    assert load_network(folder).fingerprint() == network.fingerprint()
+    assert sorted(os.listdir(folder)) == [CONFIG_FILE, WEIGHTS_FILE]
+
+
+def test_a_folder_that_cannot_be_made(small, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        save_network(small(), tmp_path / "file" / "weights")
