@@ -1,11 +1,15 @@
 """Commands on real files, small ones: what they write, what they print, how they refuse."""
 
+import errno
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 
 from kpred.cli.main import FAILED, OK, main
 from kpred.nn import ModelConfig, save_network
@@ -15,14 +19,23 @@ from kpred.training.run import new_network
 
 Run = Callable[..., Any]
 
+SCAN_PLACE = np.array([1000.0, 20.0, -300.0])
+"""Where the scanned table stands, in centimetres."""
+
 
 @pytest.fixture(scope="session")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a pack of 8 tables and untrained networks for tables."""
+    """A folder with a pack of 8 tables, untrained networks for tables, their database, and a scan of a table."""
     folder = tmp_path_factory.mktemp("files")
     generate("table", 8, seed=1, splits=False).save(folder / "table.npz")
     config = ModelConfig(category="table", width=16, token_size=8, region_points=16, stages=1)
     save_network(new_network(config, seed=0), folder / "model")
+    line = ["database", "build", folder / "table.npz", "--model", folder / "model", "-o", folder / "tables.kpred"]
+    assert main([str(word) for word in line]) == OK
+    table = generate("table", 9, seed=2)[8]
+    surface = trimesh.Trimesh(table.vertices, table.faces, process=False)
+    points = trimesh.sample.sample_surface(surface, 1500, seed=0)[0] * 100 + SCAN_PLACE
+    trimesh.PointCloud(points).export(folder / "scan.ply")
     return folder
 
 
@@ -103,9 +116,71 @@ def test_the_preset_is_where_settings_start(files: Path, tmp_path: Path, run_jso
     assert record["training"]["deformation"]["steps"] == 1
 
 
+def test_fit_writes_a_mesh_in_place_and_a_record(files: Path, tmp_path: Path, run_json: Run) -> None:
+    using = ["--model", files / "model", "--database", files / "tables.kpred", "--no-picture"]
+    printed = run_json("fit", files / "scan.ply", "-o", tmp_path / "fit.obj", *using)
+    assert [Path(file).name for file in printed["files"]] == ["fit.obj", "fit.json"]
+    record = json.loads((tmp_path / "fit.json").read_text())
+    assert record["category"] == printed["category"] == "table"
+    assert record["scan"] == str(files / "scan.ply")
+    assert {metric["name"] for metric in record["metrics"]} >= {"mean_scan_to_result"}
+    assert all(metric["unit"] and metric["frame"] for metric in record["metrics"])
+    mesh, scan = trimesh.load_mesh(tmp_path / "fit.obj"), trimesh.load(files / "scan.ply")
+    size = float(np.linalg.norm(scan.extents))
+    assert np.linalg.norm(mesh.bounds.mean(axis=0) - scan.bounds.mean(axis=0)) < size / 2
+    assert 0.3 < float(np.linalg.norm(mesh.extents)) / size < 3
+
+
+def test_search_lists_the_nearest_tokens_first(files: Path, run_json: Run) -> None:
+    line = ["database", "search", files / "tables.kpred", files / "scan.ply", "--model", files / "model"]
+    found = run_json(*line, "--top-k", 4)
+    distances = [row["token_distance"] for row in found]
+    assert len(distances) == 4
+    assert distances == sorted(distances)
+
+
+def test_evaluate_prints_the_rows_it_writes(files: Path, tmp_path: Path, run_json: Run) -> None:
+    line = ["evaluate", files / "table.npz", "--split", "source", "--limit", 2, "--model", files / "model"]
+    printed = run_json(*line, "--top-k", 1, 3, "-o", tmp_path / "rows.json")
+    assert json.loads((tmp_path / "rows.json").read_text()) == printed
+    rows = printed["rows"]
+    wanted = {"dataset", "split", "category", "protocol", "top_k", "metric", "unit", "value", "n"}
+    assert all(wanted <= set(row) for row in rows)
+    assert {row["metric"] for row in rows} >= {"undeformed_nearest", "no_learning", "feed_forward", "refined"}
+    assert {row["top_k"] for row in rows if row["metric"] == "refined"} == {1, 3}
+
+
+def test_a_full_disk_is_one_sentence_and_leaves_nothing(
+    files: Path, tmp_path: Path, refusal: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("kpred.shapes.atomic.os.replace", full)
+    using = ["--model", files / "model", "--database", files / "tables.kpred", "--no-picture"]
+    sentence = refusal("fit", files / "scan.ply", "-o", tmp_path / "fit.obj", *using)
+    assert "fit.obj" in sentence
+    assert "No space left on device" in sentence
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
+        (["fit", "{new}/none.ply", "-o", "{new}/a.obj"], "none.ply: there is no such file"),
+        (["fit", "{files}/table.txt.gz", "-o", "{new}/a.obj"], "table.txt.gz"),
+        (["fit", "{files}/scan.ply", "-o", "{new}/a.step"], "unknown extension '.step'"),
+        (["fit", "{files}/scan.ply", "-o", "{new}/none/a.obj"], "none does not exist"),
+        (["fit", "{files}/scan.ply", "-o", "{files}/scan.ply"], "it would overwrite the scan"),
+        (["fit", "{files}/scan.ply", "-o", "{new}/a.obj", "--model", "{new}/none"], "none"),
+        (["fit", "{files}/scan.ply", "-o", "{new}/a.obj", "--database", "{files}/table.npz"], "table.npz"),
+        (
+            ["fit", "{files}/scan.ply", "-o", "{new}/a.obj", "--model", "{files}/model", "--database"]
+            + ["{files}/tables.kpred", "--category", "sofa"],
+            "sofa",
+        ),
+        (["evaluate", "{new}/none.npz", "--model", "{files}/model"], "none.npz"),
+        (["evaluate", "{files}/table.npz", "--model", "{files}/model", "--split", "nope"], "nope"),
         (["data", "info", "{new}/none.npz"], "none.npz: there is no such file"),
         (["data", "generate", "sofa", "-o", "{new}/sofa.npz"], "sofa"),
         (["data", "generate", "chair", "-o", "{new}/chair.zip"], "chair.zip"),
