@@ -12,7 +12,7 @@ from kpred.database import Database, build_database
 from kpred.errors import ConfigError, DatabaseError, KpredError, ModelError, PackError
 from kpred.evaluation import evaluate, run_header
 from kpred.evaluation.rows import Row
-from kpred.evaluation.run import pack_files
+from kpred.evaluation.run import _steps, pack_files
 from kpred.evaluation.targets import Target, read_targets
 from kpred.fitting import fit
 from kpred.nn import Model, ModelConfig
@@ -176,7 +176,6 @@ def test_wrong_arguments_are_told_in_one_sentence(packs: dict[str, Path], model:
     cases: list[tuple[type[KpredError], str, dict]] = [
         (ConfigError, "top_k", {"top_k": 0}),
         (ConfigError, "top_k", {"top_k": ()}),
-        (ConfigError, "protocol", {"protocol": "half"}),
         (ConfigError, "Occlusions", {"protocol": "partial", "occlusions": (1.0,)}),
         (PackError, "'test'", {"split": "test"}),
         (PackError, "at least one", {"packs": []}),
@@ -189,6 +188,11 @@ def test_wrong_arguments_are_told_in_one_sentence(packs: dict[str, Path], model:
         arguments = {"packs": [chair], "model": model, **changes}
         with pytest.raises(kind, match=words):
             evaluate(**arguments)
+
+
+def test_an_unknown_protocol_is_told() -> None:
+    with pytest.raises(ConfigError, match="full, partial, all"):
+        _steps("half", (0.0,))
 
 
 def test_what_is_wrong_with_the_last_pack_is_told_before_the_first_is_measured(
