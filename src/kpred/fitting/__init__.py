@@ -4,8 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kpred.fitting.fit import bundled_database_path, fit
+    from kpred.fitting.fit import fit
     from kpred.fitting.refine import RefineConfig, refine_keypoints
+    from kpred.fitting.resources import bundled_database_path
     from kpred.fitting.result import Candidate, Fit, Metric
 
 __all__ = ["Candidate", "Fit", "Metric", "RefineConfig", "bundled_database_path", "fit", "refine_keypoints"]
@@ -15,7 +16,7 @@ _HOME = {
     "Fit": "kpred.fitting.result",
     "Metric": "kpred.fitting.result",
     "RefineConfig": "kpred.fitting.refine",
-    "bundled_database_path": "kpred.fitting.fit",
+    "bundled_database_path": "kpred.fitting.resources",
     "fit": "kpred.fitting.fit",
     "refine_keypoints": "kpred.fitting.refine",
 }

@@ -62,6 +62,7 @@ class Fit:
         frame: takes the scan into the unit box in which networks and distances work.
         keypoints: (keypoints, 3) of the fitted model, in the scan's frame and units.
         confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
+        category_errors: error of the best quick fit of each category tried, unit box squared, best first.
         partial: whether the scan was taken as partial (one-sided error, partial networks).
         refined: whether keypoints were refined; frame_known: whether the caller vouched for the frame.
         metrics: errors of the result, each with unit and frame.
@@ -75,6 +76,7 @@ class Fit:
     frame: Frame
     keypoints: np.ndarray
     confidence: np.ndarray
+    category_errors: dict[str, float]
     partial: bool
     refined: bool
     frame_known: bool
@@ -91,6 +93,7 @@ class Fit:
         return {
             "model_id": self.source.model_id,
             "category": self.category,
+            "category_errors": self.category_errors,
             "partial": self.partial,
             "refined": self.refined,
             "frame_known": self.frame_known,

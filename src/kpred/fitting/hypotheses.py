@@ -1,0 +1,113 @@
+"""Category, yaw and box of a scan are hypotheses; the one whose quickly refined candidates fit best is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from kpred.database import Database
+from kpred.fitting.candidates import Candidates, retrieve
+from kpred.fitting.observation import observe
+from kpred.fitting.refine import RefineConfig
+from kpred.nn import KPRed, Model
+from kpred.ops import nearest_neighbours
+from kpred.ops.frames import Frame
+
+SCREEN = RefineConfig(iterations=3, points=256, prior=0.05)
+"""Quick refinement by which hypotheses are compared."""
+
+SCREENED = 3
+"""Candidates of each hypothesis that are screened."""
+
+TURN_PENALTY = 1.1
+"""A scan is taken as it stands unless turning it lowers the error by more than this factor: stools have no front."""
+
+UNSEEN_DISTANCE = 0.15
+UNSEEN_SHARE = 0.12
+"""A scan is taken as partial if more than this share of the best full-shape result is farther than this from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One reading of the scan.
+
+    Attributes:
+        candidates: retrieved and deformed models, in this frame's unit box.
+        frame: takes the scan into the unit box; error: by which readings are compared, unit box squared.
+    """
+
+    candidates: Candidates
+    frame: Frame
+    error: float
+
+    @property
+    def category(self) -> str:
+        """Category of the candidates."""
+        return self.candidates.category
+
+
+def hypotheses(
+    points: np.ndarray,
+    frames: Sequence[Frame],
+    model: Model,
+    database: Database,
+    categories: Sequence[str],
+    top_k: int,
+    partial: bool,
+    frame_known: bool,
+) -> list[Hypothesis]:
+    """The best frame for each category, best category first.
+
+    Args:
+        points: (N, 3) the scan in its own frame and units.
+        frames: of the visible part's box, or the known one.
+        partial: partial networks and one-sided errors; unless the frame is known, each frame is first extended to the
+            box that the network expects of the whole object.
+    """
+    found = []
+    for category in categories:
+        network = model[category]
+        tried = whole_frames(points, frames, network) if partial and not frame_known else list(frames)
+        observation = observe(_clouds(points, tried), network, partial)
+        readings = []
+        for row, frame in enumerate(tried):
+            candidates = retrieve(observation, row, database, category, top_k, partial)
+            error = 0.0
+            if len(tried) * len(categories) > 1:
+                error = _screen(candidates) * (1.0 if row == 0 else TURN_PENALTY)
+            readings.append(Hypothesis(candidates, frame, error))
+        found.append(min(readings, key=lambda reading: reading.error))
+    return sorted(found, key=lambda reading: reading.error)
+
+
+def whole_frames(points: np.ndarray, frames: Sequence[Frame], network: KPRed) -> list[Frame]:
+    """Frames of the visible box -> frames of the box that the whole object is expected to have."""
+    with torch.inference_mode():
+        corners, _ = network.whole_box(_clouds(points, frames)[:, :1024])
+    wholes = []
+    for frame, (low, high) in zip(frames, corners.double().numpy(), strict=True):
+        middle, half = (low + high) / 2, float((high - low).max() / 2)
+        wholes.append(Frame(frame.from_unit(middle), frame.scale * half, frame.rotation))
+    return wholes
+
+
+def looks_partial(reading: Hypothesis) -> bool:
+    """Whether much of the best full-shape explanation lies where the scan has no points."""
+    order = reading.candidates.errors(most=512).argsort()[:SCREENED]
+    close = reading.candidates.refined(SCREEN, order)
+    best = close.take(close.errors(most=512).argmin()[None])
+    squared, _ = nearest_neighbours(best.deformed()[:, ::2].contiguous(), best.target[None])
+    return float((squared > UNSEEN_DISTANCE**2).float().mean()) > UNSEEN_SHARE
+
+
+def _clouds(points: np.ndarray, frames: Sequence[Frame]) -> Tensor:
+    return torch.stack([torch.from_numpy(frame.to_unit(points)).float() for frame in frames])
+
+
+def _screen(candidates: Candidates) -> float:
+    order = candidates.errors(most=256).argsort()[:SCREENED]
+    return float(candidates.refined(SCREEN, order).errors(most=512).min())
