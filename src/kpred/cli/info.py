@@ -69,7 +69,7 @@ class InfoCommand(Command):
     def _database(self) -> dict[str, Any]:
         from kpred.database import Database
         from kpred.errors import DatabaseError
-        from kpred.fitting.fit import bundled_database_path
+        from kpred.fitting import bundled_database_path
 
         try:
             with Database.open(self.database or bundled_database_path(), read_only=True) as database:
