@@ -1,0 +1,79 @@
+"""How long a fit takes, from points in memory to the mesh, with model and database warm.
+
+    python benchmarks/fit_latency.py [--scans 50] [--threads 2]
+
+Median and 90th percentile over full scans of 2048 points (shapes of the generator that are in no database), top 10, on
+the bundled model and database: category given or not, refined or not, frame known or found.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+
+import numba
+import numpy as np
+import torch
+
+import kpred
+from kpred.fitting import fit
+from kpred.fitting.resources import bundled_database_path
+from kpred.ops import sample_surface, unit_box_frame
+from kpred.shapes.synthetic.generator import generate
+
+CASES = {
+    "category given, frame found, refined": {"refine": True},
+    "category given, frame found, feed-forward": {"refine": False},
+    "category given, frame known, refined": {"refine": True, "frame": "known"},
+    "category given, frame known, feed-forward": {"refine": False, "frame": "known"},
+    "everything unknown, refined": {"refine": True, "category": None},
+}
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scans", type=int, default=50)
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    numba.set_num_threads(min(options.threads, numba.config.NUMBA_NUM_THREADS))
+    model = kpred.load_model()
+    database = kpred.Database.open(bundled_database_path(), read_only=True)
+    scans = {category: _scans(category, options.scans // 3 + 1) for category in model.categories}
+    rows = []
+    for name, arguments in CASES.items():
+        seconds = []
+        for category, clouds in scans.items():
+            chosen = {"category": category, **arguments}
+            fit(clouds[0], model, database, **chosen)
+            for cloud in clouds[1:]:
+                started = time.perf_counter()
+                fit(cloud, model, database, **chosen)
+                seconds.append(time.perf_counter() - started)
+        rows.append(
+            {
+                "case": name,
+                "median_ms": round(1000 * float(np.median(seconds)), 1),
+                "p90_ms": round(1000 * float(np.quantile(seconds, 0.9)), 1),
+                "n": len(seconds),
+            }
+        )
+    print(json.dumps({"threads": options.threads, "load": os.getloadavg()[0], "rows": rows}, indent=2))
+
+
+def _scans(category: str, count: int) -> list[np.ndarray]:
+    generator = torch.Generator().manual_seed(0)
+    pack = generate(category, count, seed=99)
+    clouds = []
+    for mesh in pack:
+        vertices, faces = torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.faces).long()
+        cloud = sample_surface(vertices, faces, 2048, generator)[0].double().numpy()
+        clouds.append(unit_box_frame(cloud).to_unit(cloud))
+    return clouds
+
+
+if __name__ == "__main__":
+    main()

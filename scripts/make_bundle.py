@@ -1,0 +1,152 @@
+"""Make src/kpred/bundled/ from trained runs: weights, model cards, starter database, sample scan.
+
+    python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation rows.json]
+
+RUNS_FOLDER holds a run of `kpred train` for each category; INFINIGEN_FOLDER the infinigen mesh packs.
+Everything in the bundle is made from the generator and from infinigen alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from kpred.database import Database, build_database
+from kpred.nn import load_model, load_network, save_network
+from kpred.ops import depth_scan
+from kpred.shapes import MeshPack
+from kpred.shapes.synthetic.generator import generate
+
+CATEGORIES = ("chair", "table", "cabinet")
+BUNDLED = Path(__file__).resolve().parents[1] / "src" / "kpred" / "bundled"
+GENERATED, REDISTRIBUTED = 60, 60
+"""Models a category in the starter database: from the generator, and from infinigen."""
+DATABASE_SEED = 11
+"""A seed of the generator that training does not use."""
+
+
+def main() -> None:
+    """Make the parts that the arguments name."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", type=Path)
+    parser.add_argument("infinigen", type=Path)
+    parser.add_argument("--evaluation", type=Path, help="JSON of kpred evaluate, for the model cards")
+    parser.add_argument("--only", choices=("weights", "database", "scan", "cards"), nargs="*")
+    options = parser.parse_args()
+    parts = options.only or ("weights", "database", "scan", "cards")
+    if "weights" in parts:
+        copy_weights(options.runs)
+    if "database" in parts:
+        make_database(options.infinigen)
+    if "scan" in parts:
+        make_scan(options.infinigen)
+    if "cards" in parts:
+        write_cards(options.evaluation)
+
+
+def copy_weights(runs: Path) -> None:
+    """Half-precision weights and the record of their training."""
+    for category in CATEGORIES:
+        target = BUNDLED / "model" / category
+        save_network(load_network(runs / category / "model"), target)
+        shutil.copy(runs / category / "model" / "training.json", target / "training.json")
+
+
+def make_database(infinigen: Path) -> None:
+    """Starter database: shapes of the generator with an unused seed, and of infinigen's source split."""
+    path = BUNDLED / "furniture.kpred"
+    path.unlink(missing_ok=True)
+    shapes = []
+    for category in CATEGORIES:
+        made = generate(category, GENERATED, DATABASE_SEED, splits=False)
+        shapes += [(str(made.model_id[i]), category, "generator", made[i]) for i in range(len(made))]
+        pack = MeshPack.load(infinigen / f"{category}.npz")
+        rows = np.random.default_rng(DATABASE_SEED).permutation(pack.indices("source"))[:REDISTRIBUTED]
+        shapes += [(f"infinigen_{pack.model_id[i]}", category, "infinigen", pack[int(i)]) for i in rows]
+    report = build_database(path, shapes, load_model())
+    print(f"database: {report.added} models, {path.stat().st_size / 1e6:.1f} MB, failed {report.failed}")
+    with Database.open(path) as database:
+        print({category: len(database.model_ids(category)) for category in database.categories()})
+
+
+def make_scan(infinigen: Path) -> None:
+    """Two depth views of a chair that is in neither the database nor the training: metres, turned, with noise."""
+    import trimesh
+
+    pack = MeshPack.load(infinigen / "chair.npz")
+    rows = [i for i in pack.indices("val") if str(pack.extra["factory"][i]) == "ChairFactory"]
+    mesh = pack[int(rows[7])]
+    generator = torch.Generator().manual_seed(3)
+    vertices, faces = torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.faces).long()
+    cameras = torch.tensor([[1.6, 1.5, 2.0], [-2.2, 1.6, 0.8]])
+    views = [depth_scan(vertices, faces, c, 3000, noise=0.006, dropout=0.05, generator=generator) for c in cameras]
+    points = torch.cat(views).double().numpy()
+    turn = np.radians(35)
+    rotation = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+    placed = points @ rotation.T + np.array([2.4, 0.0, -1.1])
+    trimesh.PointCloud(placed).export(BUNDLED / "chair_scan.ply")
+
+
+def write_cards(evaluation: Path | None) -> None:
+    """One model card a category: data, steps, seed, measured numbers."""
+    rows = json.loads(evaluation.read_text())["rows"] if evaluation else []
+    for category in CATEGORIES:
+        folder = BUNDLED / "model" / category
+        record = json.loads((folder / "training.json").read_text())
+        network = load_network(folder)
+        training, model = record["training"], record["model"]
+        size = (folder / "model.safetensors").stat().st_size / 1e6
+        steps = ", ".join(f"{stage} {training[stage]['steps']}" for stage in ("deformation", "retrieval", "partial"))
+        lines = [
+            f"# kpred: {category}",
+            "",
+            f"Networks of KP-RED for the category {category}: 12 semantic keypoints, neural-cage influence, retrieval",
+            "tokens, and their twins for partial scans. Coordinates: unit box, y up, front +z.",
+            "",
+            "| | |",
+            "|---|---|",
+            f"| fingerprint | `{network.fingerprint()}` |",
+            f"| file | model.safetensors, half precision, {size:.1f} MB |",
+            f"| parameters | {sum(p.numel() for p in network.parameters()):,} |",
+            f"| trained on | {record['shapes']['targets']} shapes: this project's generator "
+            f"(`kpred data generate {category} -n 1500 --seed 1 --cuboids 0.4`, splits source and train) and "
+            "infinigen (splits source and train); nothing else |",
+            f"| steps | {steps}; batch {training['deformation']['batch']} "
+            f"(retrieval {training['retrieval']['batch']}) |",
+            f"| seed | {training['seed']} |",
+            "| hardware | CPU, one or two cores |",
+            f"| cage, influence, keypoint head | {model['cage']}, {model['influence']}, {model['keypoint_head']} |",
+            "",
+            "Shapes of infinigen are output of Infinigen 1.15.5 (generator code BSD-3-Clause).",
+            "",
+        ]
+        mine = [row for row in rows if row["category"] == category and row["metric"] in REPORTED]
+        if mine:
+            lines += [
+                "## Measured",
+                "",
+                "`kpred evaluate`; unit box squared, known unit box, mean over instances, best of 10.",
+                "",
+                "| data | split | n | metric | value | relative to nearest undeformed |",
+                "|---|---|---|---|---|---|",
+            ]
+            for row in mine:
+                ratio = row.get("ratio_to_undeformed")
+                lines.append(
+                    f"| {row['dataset']} | {row['split']} | {row['n']} | {row['metric']} | {row['value']:.5f} | "
+                    f"{'' if ratio is None else format(ratio, '.2f')} |"
+                )
+            lines.append("")
+        (folder / "README.md").write_text("\n".join(lines))
+
+
+REPORTED = ("undeformed_nearest", "no_learning", "feed_forward", "refined", "sampling_floor")
+
+
+if __name__ == "__main__":
+    main()
