@@ -1,0 +1,147 @@
+"""`kpred fit-depth`: depth pictures in, a CAD mesh out, drawn over the photograph if there is one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+
+if TYPE_CHECKING:
+    from kpred.shapes.depth import MergedScan
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitDepthCommand(Command):
+    """Fit a CAD model to one object in depth pictures of a known camera.
+
+    The result is a mesh in the world of the poses, in metres; without poses it is in the camera's own axes (x right,
+    y down, z forward). Beside it lie a record (.json), a picture (.png) and, with --rgb, the result drawn over the
+    photograph (_overlay.png).
+
+    examples:
+      kpred fit-depth frame.png --intrinsics camera.txt --mask chair.png -o chair.obj
+      kpred fit-depth 0.png 9.png --intrinsics camera.txt --pose 0.txt 9.txt --up z -o c.glb
+      kpred fit-depth frame.png --intrinsics camera.json --mask ids.png --mask-id 7 --rgb frame.jpg -o table.ply
+    """
+
+    depth: Annotated[Positional[tuple[Path, ...]], arg(metavar="DEPTH [DEPTH ...]")]
+    """Depth pictures: 16-bit .png or .tiff in millimetres, .npy or .tiff of floats in metres"""
+    intrinsics: Annotated[Path, arg(metavar="FILE")]
+    """Camera matrix: .txt (3 x 3, 4 x 4, or fx fy cx cy), .json (fx, fy, cx, cy, ...) or .npy"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
+    """The mesh to write, by extension: .obj .ply .glb .stl"""
+    pose: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
+    """Camera-to-world matrix of each picture: .txt, .json or .npy, metres; x right, y down, z forward"""
+    mask: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
+    """The object's pixels in each picture: .png of instance ids, or boolean .npy"""
+    mask_id: Annotated[int | None, arg(metavar="N")] = None
+    """The object's id in the masks; without it, all that is not 0"""
+    rgb: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Photograph of the first picture's view, over which the result is drawn"""
+    depth_scale: Annotated[float | None, arg(metavar="UNITS")] = None
+    """Units per metre in the depth pictures; without it, 1000 for whole numbers and 1 for floats"""
+    max_depth: Annotated[float, arg(metavar="METRES")] = 10.0
+    """Depths beyond are dropped"""
+    remove_flying: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Keep flying pixels, which float between front and back at the edges of objects"""
+    voxel: Annotated[float, arg(metavar="METRES")] = 0.005
+    """Of several pictures' points in a cube of this side, one is kept; 0 keeps all"""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
+    """Up axis of the world; without it, y with poses (ScanNet: z) and -y without"""
+    category: Annotated[str | None, arg(metavar="NAME")] = None
+    """chair, table, cabinet, ...; without it, the category that fits best"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    database: Annotated[Path | None, arg(metavar="FILE")] = None
+    """CAD database (.kpred); without it, the bundled one"""
+    top_k: Annotated[int, arg(metavar="K")] = 10
+    """How many retrieved models to deform and compare"""
+    partial: Literal["auto", "yes", "no"] = "auto"
+    """Whether parts of the object are missing; auto: yes with one picture, found out with several"""
+    refine: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Leave out the refinement of keypoints"""
+    picture: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Write no picture of scan and result"""
+
+    def run(self, output: Output) -> None:
+        """Back-project, fit, write the files, print what was chosen."""
+        from kpred.cli.fit_files import check_output, describe, write_files
+        from kpred.database import Database
+        from kpred.errors import OutputError
+        from kpred.fitting.fit_scan import fit
+        from kpred.nn import load_model
+
+        for given, what in ((self.pose, "--pose"), (self.mask, "--mask")):
+            if given and len(given) != len(self.depth):
+                raise UsageError(
+                    f"{what} names {len(given)} files for {len(self.depth)} depth pictures; give one each."
+                )
+        if len(self.depth) > 1 and not self.pose:
+            raise UsageError("Several depth pictures can only be merged with their poses; give --pose, one each.")
+        if self.mask_id is not None and not self.mask:
+            raise UsageError("--mask-id needs --mask.")
+        overlay_file = self.output.with_name(f"{self.output.stem}_overlay.png")
+        for file in (*self.depth, *self.mask, *self.pose, self.intrinsics, *((self.rgb,) if self.rgb else ())):
+            check_output(self.output, file)
+            if self.rgb is not None and overlay_file.exists() and file.exists() and overlay_file.samefile(file):
+                raise OutputError(f"Cannot write {overlay_file}: it would overwrite {file}; choose another name.")
+        scan = self._scan(output)
+        # One depth picture shows one side only.
+        partial = {"auto": None if len(scan.scans) > 1 else True, "yes": True, "no": False}[self.partial]
+        result = fit(
+            scan.points,
+            model=load_model(self.model) if self.model is not None else None,
+            database=Database.open(self.database) if self.database is not None else None,
+            category=self.category,
+            top_k=self.top_k,
+            refine=self.refine,
+            up=self.up or ("y" if self.pose else "-y"),
+            partial=partial,
+        )
+        files = write_files(result, scan.points, self.output, scan_path=self.depth[0], picture=self.picture)
+        if self.rgb is not None:
+            from kpred.fitting.overlay import save_overlay
+
+            save_overlay(result.mesh.vertices, result.mesh.faces, scan.scans[0].camera, self.rgb, overlay_file)
+            files.append(overlay_file)
+        describe(output, result, files)
+
+    def _scan(self, output: Output) -> MergedScan:
+        """The pictures' points in one cloud. Everything that can be wrong with the photograph is found here too."""
+        import numpy as np
+
+        from kpred.fitting.overlay import read_photograph
+        from kpred.shapes.camera import Camera, read_intrinsics, read_pose
+        from kpred.shapes.depth import check_size, merge_views, read_depth, read_mask, scan_depth
+
+        intrinsics, size = read_intrinsics(self.intrinsics)
+        views = []
+        for number, file in enumerate(self.depth):
+            depth = read_depth(file, self.depth_scale)
+            check_size(depth, size, str(file), str(self.intrinsics))
+            height, width = depth.shape
+            pose = read_pose(self.pose[number]) if self.pose else np.eye(4)
+            camera = Camera(intrinsics, width, height, pose)
+            if number == 0 and self.rgb is not None:
+                photograph = read_photograph(self.rgb)
+                camera.resized(photograph.shape[1], photograph.shape[0])
+            mask = read_mask(self.mask[number], self.mask_id) if self.mask else None
+            views.append(
+                scan_depth(
+                    depth, camera, mask, farthest=self.max_depth, remove_flying=self.remove_flying, name=str(file)
+                )
+            )
+        scan = merge_views(views, self.voxel)
+        if not self.mask:
+            output.note("no --mask: everything in the depth pictures is taken as the object")
+        output.note(f"scan: {len(scan.points)} points of {len(views)} depth picture{'s' if len(views) > 1 else ''}")
+        return scan
+
+
+COMMAND: type[Command] = FitDepthCommand
