@@ -49,6 +49,8 @@ def make_target(mesh: Mesh, model_id: str, seed: int) -> Target:
     generator = torch.Generator().manual_seed(zlib.crc32(f"target {seed} {zlib.crc32(model_id.encode())}".encode()))
     faces = torch.from_numpy(prepared.mesh.faces).long()
     points, _ = sample_surface(prepared.vertices, faces, POINTS, generator)
+    # Scans come in any order; the sample comes face by face.
+    points = points[torch.randperm(len(points), generator=generator)]
     again, _ = sample_surface(prepared.vertices, faces, POINTS, generator)
     return Target(model_id, points, again, random_directions(1, generator)[0])
 
