@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
-import pickle
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,11 +59,12 @@ class Checkpoint:
             values = torch.load(path, map_location=device, weights_only=True)
         except FileNotFoundError as error:
             raise CheckpointError(f"There is no checkpoint {path}; start the run without resuming.") from error
-        except (RuntimeError, OSError, EOFError, pickle.UnpicklingError, zipfile.BadZipFile, ValueError) as error:
+        except Exception as error:  # foreign bytes make the unpickler fail in any way it can
             raise CheckpointError(
                 f"{path} is truncated or no checkpoint; delete it to start this stage again."
             ) from error
-        if not isinstance(values, dict) or values.pop("version", None) != VERSION:
+        names = {field.name for field in dataclasses.fields(cls)}
+        if not isinstance(values, dict) or values.pop("version", None) != VERSION or set(values) != names:
             raise CheckpointError(
                 f"{path} is no checkpoint of this version of kpred; delete it to start this stage again."
             )

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from kpred.errors import MeshError, PackError
+from kpred.errors import MeshError, PackError, ScanError
 from kpred.nn import KPRed
 from kpred.ops import depth_scan, icosphere, mean_value_coordinates, sample_surface, unit_box_frame
 from kpred.ops.typing import Float
@@ -82,7 +83,7 @@ class TrainingData:
 
 def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:
     """Factors per axis, up to `stretch` or down to its inverse; half of the clouds are mirrored left to right."""
-    options = {"generator": generator, "device": generator.device}
+    options: dict[str, Any] = {"generator": generator, "device": generator.device}
     factors = stretch ** (2 * torch.rand(count, 1, 3, **options) - 1)
     mirror = 1 - 2 * torch.randint(0, 2, (count, 1, 1), **options).float()
     return factors * torch.cat([mirror, torch.ones_like(mirror), torch.ones_like(mirror)], dim=2)
@@ -122,7 +123,10 @@ def prepare(
         PackError: if fewer than two usable shapes remain.
     """
     generator = torch.Generator().manual_seed(seed)
-    clouds, scans, is_source, vertices = [], [], [], []
+    clouds: list[Tensor] = []
+    scans: list[Tensor] = []
+    vertices: list[Tensor] = []
+    is_source: list[bool] = []
     total = sum(len(pack) for pack in packs)
     for pack in packs:
         for index in range(len(pack)):
@@ -136,7 +140,7 @@ def prepare(
                 frame = unit_box_frame(mesh.vertices)
                 corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float()
                 cloud, _ = sample_surface(corners, torch.from_numpy(mesh.faces).long(), POOL_POINTS, generator)
-            except MeshError:
+            except (MeshError, ScanError):  # without area, or without size
                 continue
             shuffle = torch.randperm(POOL_POINTS, generator=generator)
             clouds.append(cloud[shuffle])
@@ -150,7 +154,8 @@ def prepare(
     pool = torch.stack(clouds).to(device)
     sources = torch.tensor(is_source, device=device).nonzero().squeeze(1)
     faces = icosphere(network.config.cage_subdivisions)[1].to(device)
-    cages, weights = [], []
+    cages: list[Tensor] = []
+    weights: list[Tensor] = []
     for rows in sources.split(batch):
         if progress:
             progress("cages and mean value coordinates", sum(len(c) for c in cages), len(sources))

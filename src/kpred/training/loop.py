@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
 from kpred.errors import CheckpointError
-from kpred.nn import KPRed, save_network
+from kpred.nn import STAGES, KPRed, save_network
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
@@ -61,7 +62,8 @@ def train_stage(
     total = work.settings.steps
     writer = _writer(folder / "log") if log and first < total else None
     network.train()
-    done = first
+    # What an interrupt may save: the random state that belongs to `done`, and whether the weights are in mid-update.
+    done, state, torn = first, generator.get_state(), False
     losses_of = (
         torch.compile(work.losses, dynamic=False) if config.compile and data.device.type == "cuda" else work.losses
     )
@@ -76,9 +78,10 @@ def train_stage(
             loss.backward()
             norm = torch.nn.utils.clip_grad_norm_(work.parameters(), GRADIENT_NORM)
             # One wild batch must not poison the weights.
+            torn = True
             if torch.isfinite(norm):
                 optimizer.step()
-            done = step + 1
+            done, state, torn = step + 1, generator.get_state(), False
             if report or writer:
                 values = {name: float(value.detach()) for name, value in losses.items()}
                 if report:
@@ -87,15 +90,19 @@ def train_stage(
                     for name, value in values.items():
                         writer.add_scalar(f"{stage}/{name}", value, done)
             if done % config.checkpoint_every == 0 or done == total:
-                _save(path, work, optimizer, generator, done)
+                _save(path, work, optimizer, state, done)
     except KeyboardInterrupt:
-        _save(path, work, optimizer, generator, done)
+        if not torn:
+            _save(path, work, optimizer, state, done)
         raise
     finally:
         if writer:
             writer.close()
         network.eval()
-    save_network(network, folder / "model")
+    # A finished stage exports again, as it may have been killed before it could; but not over what was built on it.
+    later = list(STAGES)[list(STAGES).index(stage) + 1 :]
+    if first < total or not any((folder / f"{name}.checkpoint").exists() for name in later):
+        save_network(network, folder / "model")
 
 
 def learning_rate(settings: StageConfig, step: int) -> float:
@@ -105,7 +112,7 @@ def learning_rate(settings: StageConfig, step: int) -> float:
     return settings.learning_rate * (0.02 + 0.98 * (1 + math.cos(math.pi * step / settings.steps)) / 2)
 
 
-def _save(path: Path, work: Stage, optimizer: torch.optim.Optimizer, generator: torch.Generator, done: int) -> None:
+def _save(path: Path, work: Stage, optimizer: torch.optim.Optimizer, state: Tensor, done: int) -> None:
     Checkpoint(
         stage=work.name,
         step=done,
@@ -113,7 +120,7 @@ def _save(path: Path, work: Stage, optimizer: torch.optim.Optimizer, generator: 
         train_config=work.config.to_dict(),
         weights=work.network.state_dict(),
         optimizer=optimizer.state_dict(),
-        random_state=generator.get_state(),
+        random_state=state,
     ).save(path)
 
 

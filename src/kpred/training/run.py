@@ -42,13 +42,16 @@ def train(
     goes on where it was.
 
     Raises:
-        ConfigError: if a stage does not exist.
+        ConfigError: if a stage does not exist, or one between two others is left out.
         CheckpointError: if an earlier stage was never trained in this folder, or its checkpoint does not fit.
         PackError: if the packs hold too few shapes.
     """
     unknown = set(stages) - set(STAGES)
     if unknown:
         raise ConfigError(f"There is no training stage {sorted(unknown)}; choose from {', '.join(STAGES)}.")
+    wanted = [stage for stage in STAGES if stage in stages]
+    if not wanted or ",".join(wanted) not in ",".join(STAGES):
+        raise ConfigError(f"Stages {list(stages)} leave one out; name stages that follow each other.")
     network = new_network(model_config, config.seed).to(device)
     order = list(STAGES)
     first = min(order.index(stage) for stage in stages)
@@ -56,7 +59,12 @@ def train(
         earlier = folder / f"{order[first - 1]}.checkpoint"
         if not earlier.exists():
             raise CheckpointError(f"{earlier} is missing; train the stage '{order[first - 1]}' in this folder first.")
-        network.load_state_dict(Checkpoint.load(earlier, device).weights)
+        checkpoint = Checkpoint.load(earlier, device)
+        if checkpoint.model_config != model_config.to_dict():
+            raise CheckpointError(
+                f"{earlier} holds another architecture; give another run folder or the same model settings."
+            )
+        network.load_state_dict(checkpoint.weights)
     views = config.views if "partial" in stages else 0
     data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress, views=views)
     for stage in order:
