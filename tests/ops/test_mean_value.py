@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kpred.ops import mean_value
 from kpred.ops.cage import enclosing_cage, icosphere
-from kpred.ops.mean_value import mean_value_coordinates
+from kpred.ops.mean_value import mean_value_coordinates, mean_value_reference
 
 
 def slow_coordinates(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray, eps: float = 1e-10) -> np.ndarray:
@@ -61,10 +61,14 @@ def _points(
 FACES = icosphere(1)[1]
 
 
+BOTH = pytest.mark.parametrize("coordinates", [mean_value_coordinates, mean_value_reference], ids=["compiled", "torch"])
+
+
+@BOTH
 @pytest.mark.parametrize("size", [0.5, 1.0, 3.0], ids=["inside", "both", "mostly outside"])
-def test_agreement_with_the_slow_scalar_reference(size: float) -> None:
+def test_agreement_with_the_slow_scalar_reference(coordinates, size: float) -> None:
     cage, points = _cage(0), _points(0, 25, size=size)
-    fast = mean_value_coordinates(points, cage, FACES)[0].numpy()
+    fast = coordinates(points, cage, FACES)[0].numpy()
     slow = [slow_coordinates(p, cage[0].numpy(), FACES.numpy()) for p in points[0].numpy()]
     np.testing.assert_allclose(fast, slow, atol=1e-8)
 
@@ -118,15 +122,16 @@ def test_order_of_vertices_and_faces_does_not_matter(generator: torch.Generator)
     torch.testing.assert_close(mean_value_coordinates(points, cage, FACES.flip(1)), weights, rtol=0, atol=1e-10)
 
 
+@BOTH
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_points_on_vertices_edges_and_faces(dtype: torch.dtype) -> None:
+def test_points_on_vertices_edges_and_faces(coordinates, dtype: torch.dtype) -> None:
     cage = _cage(3, dtype)
     vertices = cage[0]
     corners = vertices[FACES]
     barycentric = torch.tensor([0.2, 0.5, 0.3], dtype=dtype)
     on_faces = torch.einsum("i,fix->fx", barycentric, corners)
     on_edges = 0.75 * corners[:, 0] + 0.25 * corners[:, 1]
-    weights = mean_value_coordinates(torch.cat([vertices, on_faces, on_edges])[None], cage, FACES)[0]
+    weights = coordinates(torch.cat([vertices, on_faces, on_edges])[None], cage, FACES)[0]
     assert torch.isfinite(weights).all()
     rows = torch.arange(80)[:, None]
     face_rows = torch.zeros(80, 42, dtype=dtype)
@@ -138,8 +143,9 @@ def test_points_on_vertices_edges_and_faces(dtype: torch.dtype) -> None:
     torch.testing.assert_close(weights, expected, rtol=0, atol=tolerance)
 
 
+@BOTH
 @pytest.mark.parametrize("gap", [1e-3, 1e-5, 1e-7])
-def test_continuous_toward_the_surface(gap: float) -> None:
+def test_continuous_toward_the_surface(coordinates, gap: float) -> None:
     """From within and from without, the coordinates come down to the limits on the face, an edge and a vertex."""
     cage = _cage(4)
     corners = cage[0][FACES[0]]
@@ -147,7 +153,7 @@ def test_continuous_toward_the_surface(gap: float) -> None:
         place = torch.tensor(barycentric, dtype=torch.float64) @ corners
         points = torch.stack([place * (1 - gap), place * (1 + gap)])[None]
         limit = torch.zeros(42, dtype=torch.float64).scatter_add_(0, FACES[0], torch.tensor(barycentric).double())
-        weights = mean_value_coordinates(points, cage, FACES)[0]
+        weights = coordinates(points, cage, FACES)[0]
         assert (weights - limit).abs().max() < 30 * gap * (1 + abs(math.log(gap))) + 1e-5
 
 
@@ -164,10 +170,33 @@ def test_an_enclosing_cage_keeps_weights_bounded() -> None:
     assert weights.abs().sum(-1).max() < 1.5
 
 
-def test_batches_and_chunks_do_not_mix(monkeypatch: pytest.MonkeyPatch) -> None:
+@BOTH
+def test_batches_and_chunks_do_not_mix(monkeypatch: pytest.MonkeyPatch, coordinates) -> None:
     cages, points = _cage(6, batch=3), _points(6, 17, batch=3)
-    together = mean_value_coordinates(points, cages, FACES)
-    alone = torch.cat([mean_value_coordinates(points[i : i + 1], cages[i : i + 1], FACES) for i in range(3)])
+    together = coordinates(points, cages, FACES)
+    alone = torch.cat([coordinates(points[i : i + 1], cages[i : i + 1], FACES) for i in range(3)])
     torch.testing.assert_close(together, alone, rtol=0, atol=1e-13)
     monkeypatch.setattr(mean_value, "POINT_CHUNK", 4)
-    torch.testing.assert_close(mean_value_coordinates(points, cages, FACES), together, rtol=0, atol=1e-13)
+    torch.testing.assert_close(coordinates(points, cages, FACES), together, rtol=0, atol=1e-13)
+
+
+@given(seed=st.integers(0, 99_999), size=st.sampled_from([0.3, 1.0, 2.5]), single=st.booleans())
+def test_compiled_and_torch_say_the_same(seed: int, size: float, single: bool) -> None:
+    dtype = torch.float32 if single else torch.float64
+    cage, points = _cage(seed, dtype, 2), _points(seed, 30, dtype, 2, size)
+    compiled, plain = mean_value_coordinates(points, cage, FACES), mean_value_reference(points, cage, FACES)
+    assert compiled.dtype == plain.dtype == dtype
+    scale = 1 + plain.abs().max().item()
+    torch.testing.assert_close(compiled, plain, rtol=0, atol=scale * (1e-6 if single else 1e-10))
+
+
+def test_strided_and_differentiated_input() -> None:
+    cage, points = _cage(7, batch=2), _points(7, 40, batch=2, size=0.5)
+    every = mean_value_coordinates(points, cage, FACES)[:, ::2]
+    torch.testing.assert_close(mean_value_coordinates(points[:, ::2], cage, FACES), every, rtol=0, atol=1e-13)
+    cage.requires_grad_()
+    weights = mean_value_coordinates(points, cage, FACES)
+    assert weights.requires_grad
+    # Linear precision holds for every cage, so that W C does not change with the cage.
+    (weights @ cage).sum().backward()
+    assert cage.grad is not None and cage.grad.abs().max() < 1e-8
