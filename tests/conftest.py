@@ -1,33 +1,16 @@
 """What all tests share: shape checks switched on, seeds, and the folder of development data."""
 
-import sys
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from jaxtyping import install_import_hook
 
-
-def _import_unchecked(name: str) -> None:
-    """Import one module of kpred, and not the packages it lies in, before the hook wraps its functions."""
-    package = find_spec("kpred")
-    assert package is not None
-    assert package.submodule_search_locations
-    path = Path(package.submodule_search_locations[0]).joinpath(*name.split(".")[1:]).with_suffix(".py")
-    spec = spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    sys.modules[name] = module_from_spec(spec)
-    spec.loader.exec_module(sys.modules[name])
-
-
-# Numba compiles and caches the function that stands there, which must not be a wrapper.
-_import_unchecked("kpred.ops.nearest_cpu")
 
 # Must stand before the first import of kpred: every annotated function then checks its arguments and result.
 install_import_hook("kpred", "beartype.beartype")
 
 import os  # noqa: E402
 
+import numba  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 import torch  # noqa: E402
@@ -39,7 +22,9 @@ settings.register_profile(
 settings.load_profile("kpred")
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    torch.set_num_threads(1)  # the workers already fill the cores
+    # The workers already fill the cores.
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
 
 
 @pytest.fixture

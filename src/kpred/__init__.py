@@ -23,7 +23,7 @@ __all__ = ["Database", "Fit", "__version__", "fit", "load_model", "read_mesh", "
 _HOME = {
     "Database": "kpred.database",
     "Fit": "kpred.fitting",
-    "fit": "kpred.fitting.fit",  # the function: the package has a module of this name too
+    "fit": "kpred.fitting.fit_scan",  # the function: the package has a module of this name too
     "load_model": "kpred.nn",
     "read_mesh": "kpred.shapes",
     "read_scan": "kpred.shapes",

@@ -52,7 +52,7 @@ class FitCommand(Command):
         """Fit, write the files, print what was chosen."""
         from kpred.cli.fit_files import check_output, describe, write_files
         from kpred.database import Database
-        from kpred.fitting.fit import fit
+        from kpred.fitting.fit_scan import fit
         from kpred.nn import load_model
         from kpred.shapes import read_scan
 

@@ -17,6 +17,7 @@ from torch import Tensor
 from kpred.database.entry import Entry
 from kpred.errors import MeshError, ScanError
 from kpred.nn import KPRed
+from kpred.nn.keypoints import thinned
 from kpred.ops.cage import icosphere
 from kpred.ops.frames import Frame, unit_box_frame
 from kpred.ops.mean_value import mean_value_coordinates
@@ -26,6 +27,9 @@ from kpred.shapes.mesh import Mesh, clean_mesh
 
 POINTS = 2048
 """Points sampled on a model (paper: N_P)."""
+
+_CAGE_VERTICES = 8192
+"""Mesh vertices that the cage is built around, beside the points."""
 
 _VERTEX_CHUNK = 20_000
 """Mesh vertices whose coordinates in the cage are held at once: some ten megabytes."""
@@ -99,9 +103,9 @@ def encode_prepared(
         return []
     device = next(network.parameters()).device
     points = torch.stack([item.points for item in prepared]).to(device)
-    keypoints = network.keypoints(points)
+    keypoints = network.keypoints(thinned(points))
     tokens = network.retrieval_tokens(points, keypoints)
-    cage = network.cage(points)
+    cage = torch.cat([network.cage(_hull(item)[None].to(device)) for item in prepared])
     influence = network.influence(points, keypoints, cage)
     fingerprint = network.fingerprint()
     entries = []
@@ -121,6 +125,12 @@ def encode_prepared(
         )
         entries.append(entry.rounded())
     return entries
+
+
+def _hull(item: PreparedMesh) -> Tensor:
+    """What the cage must hold: the points, and vertices between which the sample may have missed a corner."""
+    step = -(-len(item.vertices) // _CAGE_VERTICES)
+    return torch.cat([item.points, item.vertices[::step]])
 
 
 def deformation_basis(

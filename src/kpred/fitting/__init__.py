@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kpred.fitting.fit import fit
+    from kpred.fitting.fit_scan import fit
     from kpred.fitting.refine import RefineConfig, refine_keypoints
     from kpred.fitting.resources import bundled_database_path
     from kpred.fitting.result import Candidate, Fit, Metric
@@ -17,7 +17,7 @@ _HOME = {
     "Metric": "kpred.fitting.result",
     "RefineConfig": "kpred.fitting.refine",
     "bundled_database_path": "kpred.fitting.resources",
-    "fit": "kpred.fitting.fit",
+    "fit": "kpred.fitting.fit_scan",
     "refine_keypoints": "kpred.fitting.refine",
 }
 

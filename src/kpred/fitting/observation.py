@@ -8,10 +8,7 @@ import torch
 from torch import Tensor
 
 from kpred.nn import KPRed
-
-KEYPOINT_POINTS = 1024
-"""Points that the keypoint predictor sees: it gains nothing from more."""
-
+from kpred.nn.keypoints import thinned
 
 @dataclass(frozen=True, eq=False)
 class Observation:
@@ -31,7 +28,7 @@ class Observation:
 
 def observe(points: Tensor, network: KPRed, partial: bool) -> Observation:
     """Encode clouds (H, N, 3) that lie in unit boxes (paper Sec. 3.2 for full, 3.3 for partial scans)."""
-    few = points[:, :: max(1, points.shape[1] // KEYPOINT_POINTS)]
+    few = thinned(points)
     with torch.inference_mode():
         if partial:
             keypoints = network.partial_keypoints(few)

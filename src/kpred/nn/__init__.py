@@ -1,8 +1,12 @@
 """Networks: keypoints, region encoder with self-attention, influence head, retrieval tokens, region decoder."""
 
-from kpred.nn.config import PRESETS, ModelConfig, preset
-from kpred.nn.loading import Model, load_model, load_network, save_network
-from kpred.nn.model import STAGES, KPRed
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kpred.nn.config import PRESETS, ModelConfig, preset
+    from kpred.nn.loading import Model, load_model, load_network, save_network
+    from kpred.nn.model import STAGES, KPRed
 
 __all__ = [
     "PRESETS",
@@ -15,3 +19,24 @@ __all__ = [
     "preset",
     "save_network",
 ]
+
+_HOME = {
+    "PRESETS": "kpred.nn.config",
+    "STAGES": "kpred.nn.model",
+    "KPRed": "kpred.nn.model",
+    "Model": "kpred.nn.loading",
+    "ModelConfig": "kpred.nn.config",
+    "load_model": "kpred.nn.loading",
+    "load_network": "kpred.nn.loading",
+    "preset": "kpred.nn.config",
+    "save_network": "kpred.nn.loading",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # The command line reads configs for its help without loading torch.
+    if name not in _HOME:
+        raise AttributeError(f"module 'kpred.nn' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value

@@ -10,6 +10,15 @@ from kpred.nn.config import ModelConfig
 from kpred.ops.typing import Float
 
 
+INFERENCE_POINTS = 1024
+"""Points that the predictor is given of a scan or a CAD model; it gains nothing from more."""
+
+
+def thinned(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch few 3"]:
+    """Evenly spaced rows, at least INFERENCE_POINTS of them where there are so many."""
+    return points[:, :: max(1, points.shape[1] // INFERENCE_POINTS)]
+
+
 class KeypointPredictor(nn.Module):
     """PointNet on raw coordinates, then keypoints from its global feature or by votes of the points.
 

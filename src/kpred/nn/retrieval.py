@@ -38,6 +38,7 @@ class RegionDecoder(nn.Module):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.config = config
+        self.template: Tensor
         self.register_buffer("template", _sphere(DECODED_POINTS) * config.radius, persistent=False)
         context = config.token_size + 4 * config.keypoints
         self.context, self.place = nn.Linear(context, 256), nn.Linear(3, 256, bias=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -55,7 +55,7 @@ class Frame:
 
     def _like(self, points: Points) -> tuple[Points, Points]:
         if isinstance(points, Tensor):
-            options = {"dtype": points.dtype, "device": points.device}
+            options: dict[str, Any] = {"dtype": points.dtype, "device": points.device}
             return torch.as_tensor(self.rotation, **options), torch.as_tensor(self.center, **options)
         dtype = points.dtype if points.dtype.kind == "f" else np.float64
         return self.rotation.astype(dtype), self.center.astype(dtype)

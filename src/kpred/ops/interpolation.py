@@ -6,6 +6,8 @@ is the deformer of the no-learning baseline.
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -24,7 +26,7 @@ def affine_influence(
     coplanar keypoints solvable. `smoothing` trades interpolation for smoothness. Unit-box frame. Differentiable.
     """
     batch, count, _ = keypoints.shape
-    options = {"dtype": torch.float64, "device": keypoints.device}
+    options: dict[str, Any] = {"dtype": torch.float64, "device": keypoints.device}
     source, places = keypoints.double(), positions.double()
     kernel = _distances(source, source) - smoothing * torch.eye(count, **options)
     affine = torch.cat([torch.ones(batch, count, 1, **options), source], dim=2)

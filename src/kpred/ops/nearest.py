@@ -40,7 +40,13 @@ def nearest_reference(
     chunk = max(1, CHUNK_ELEMENTS // (len(query) * reference.shape[1]))
     found = []
     for part in query.split(chunk, dim=1):
-        # Differences, not |a|^2 - 2ab + |b|^2: the latter loses half the digits for near neighbours.
-        squared = sum((part[:, :, None, axis] - reference[:, None, :, axis]).square() for axis in range(3))
-        found.append(torch.min(squared, dim=2))  # type: ignore[arg-type]
+        found.append(squared_distance_matrix(part, reference).min(dim=2))
     return torch.cat([f.values for f in found], dim=1), torch.cat([f.indices for f in found], dim=1)
+
+
+def squared_distance_matrix(
+    a: Float[Tensor, "batch a 3"], b: Float[Tensor, "batch b 3"]
+) -> Float[Tensor, "batch a b"]:
+    """All squared distances, by differences: |a|^2 - 2ab + |b|^2 would lose half the digits of near neighbours."""
+    x, y, z = ((a[:, :, None, axis] - b[:, None, :, axis]).square() for axis in range(3))
+    return x + y + z

@@ -6,6 +6,8 @@ memory beside its result. `kpred.ops.nearest.nearest_reference` is the plain ver
 
 from __future__ import annotations
 
+from typing import no_type_check
+
 import numba
 import numpy as np
 
@@ -13,7 +15,8 @@ LANES = 64
 
 
 @numba.njit(parallel=True, fastmath={"nnan", "nsz", "contract", "reassoc"}, cache=True)
-def _nearest(query: np.ndarray, reference: np.ndarray, distance: np.ndarray, index: np.ndarray) -> None:
+@no_type_check
+def _nearest(query, reference, distance, index):
     batch, count, _ = query.shape
     blocks = (count + LANES - 1) // LANES
     for job in numba.prange(batch * blocks):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from kpred.ops.nearest import squared_distance_matrix
 from kpred.ops.typing import Float, Int
 
 
@@ -20,8 +21,8 @@ def ball_query(
         Indices into `points`, evenly spread over the ball's members in their order; short regions repeat members, an
         empty region repeats the point nearest to the centre. And the number of all points inside each ball.
     """
-    squared = sum((points[:, None, :, axis] - centers[:, :, None, axis]).square() for axis in range(3))
-    inside = squared <= radius**2  # type: ignore[operator]
+    squared = squared_distance_matrix(centers, points)
+    inside = squared <= radius**2
     total = inside.sum(-1)
     # Members first, in their order: each member is written to the slot of its rank, all others to a last, unused slot.
     slots = points.shape[1]
@@ -32,7 +33,7 @@ def ball_query(
     available = total.clamp(min=1)[..., None]
     rank = torch.where(available > count, slot * available // count, slot % available)
     index = torch.gather(order, 2, rank)
-    nearest = squared.argmin(-1)  # type: ignore[union-attr]
+    nearest = squared.argmin(-1)
     return torch.where(total[..., None] > 0, index, nearest[..., None]), total
 
 

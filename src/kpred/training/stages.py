@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -255,7 +256,7 @@ class PartialStage(FrozenDeformer):
 
     def _disturb(self, seen: Tensor, generator: torch.Generator) -> Tensor:
         """Jitter, and stray points anywhere near the visible part; how much differs from cloud to cloud."""
-        options = {"generator": generator, "device": seen.device}
+        options: dict[str, Any] = {"generator": generator, "device": seen.device}
         level = torch.rand(len(seen), 1, 1, **options)
         seen = seen + self.config.noise * level * torch.randn(seen.shape, **options)
         middle, half = box_of(seen)
