@@ -28,6 +28,9 @@ _SAMPLES = 2
 _LIGHT = np.array([-0.45, -0.75, -0.5])
 """Toward the key light in camera axes (x right, y down, z forward): from the upper left behind the camera."""
 
+_EDGE_LINE, _CREASE_LINE = 0.95, 0.6
+"""Opacities of the lines around silhouettes and along creases."""
+
 _CREASE = 0.35
 """Cosine below which two neighbouring faces have an edge drawn between them, as where the seat meets a leg."""
 
@@ -141,7 +144,10 @@ def _outline(depth: np.ndarray, normals: np.ndarray, inside: np.ndarray, step: f
         with np.errstate(invalid="ignore"):
             jump = both & (np.abs(near[one] - near[other]) > step * front)
         crease = both & ((normals[one] * normals[other]).sum(axis=-1) < _CREASE)
-        strength = np.where((inside[one] != inside[other]) | jump, 0.95, np.where(crease, 0.6, 0.0))
+        strength = np.where((inside[one] != inside[other]) | jump, _EDGE_LINE, np.where(crease, _CREASE_LINE, 0.0))
         line[one] = np.maximum(line[one], strength)
         line[other] = np.maximum(line[other], strength)
-    return line
+    # Two fine samples are too thin a line around the silhouette: one more on each side.
+    wide = np.pad(np.where(line > _CREASE_LINE, line, 0.0), 1)
+    around = [wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]]
+    return np.asarray(np.maximum.reduce([line, *around]))

@@ -21,6 +21,7 @@ _ROTATION_TOLERANCE = 5e-3
 """How far R R^T of a pose may be from the identity: poses are often written with few digits."""
 
 _ASPECT_TOLERANCE = 0.02
+_NUMBER_KEYS = ("fx", "fy", "cx", "cy")
 _MATRIX_KEYS = ("intrinsic_matrix", "camera_matrix", "intrinsics", "intrinsic", "K", "data")
 _POSE_KEYS = ("camera_to_world", "cam_to_world", "cam2world", "c2w", "pose", "transform_matrix")
 
@@ -159,15 +160,17 @@ def read_intrinsics(path: str | os.PathLike[str]) -> tuple[np.ndarray, tuple[int
     content = _content(file, "intrinsics")
     size = None
     if isinstance(content, dict):
-        held = next((part for part in _dicts(content) if "fx" in part or any(key in part for key in _MATRIX_KEYS)), {})
-        size = _picture_size(file, held) or _picture_size(file, content)
-        if all(key in held for key in ("fx", "fy", "cx", "cy")):
-            content = [held[key] for key in ("fx", "fy", "cx", "cy")]
+        size = _picture_size(file, content)
+        for part in _dicts(content):
+            if all(key in part for key in _NUMBER_KEYS):
+                found: Any = [part[key] for key in _NUMBER_KEYS]
+            else:
+                found = next((part[key] for key in _MATRIX_KEYS if isinstance(part.get(key), list)), None)
+            if found is not None:
+                content, size = found, size or _picture_size(file, part)
+                break
         else:
-            found = [held[key] for key in _MATRIX_KEYS if isinstance(held.get(key), list)]
-            if not found:
-                raise ConfigError(f"{file}: it names no intrinsics; give the keys fx, fy, cx and cy.")
-            content = found[0]
+            raise ConfigError(f"{file}: it names no intrinsics; give the keys fx, fy, cx and cy.")
     array = _numbers(file, content)
     if array.size == 4 and array.ndim == 1 or array.shape == (1, 4):
         fx, fy, cx, cy = array.ravel()
