@@ -53,8 +53,8 @@ def test_a_truncated_file_is_refused(checkpoint: Checkpoint, tmp_path: Path, sha
     [
         b"just some text\n" * 20,
         bytes(range(256)) * 10,
-        pickle.dumps({"version": VERSION}),
-        pickle.dumps(Path("x")),
+        pickle.dumps({"version": VERSION}, protocol=2),
+        pickle.dumps(Path("x"), protocol=2),
     ],
     ids=["text", "bytes", "pickle", "pickled class"],
 )

@@ -29,7 +29,7 @@ def test_gradients_reach_every_parameter_of_the_stage_and_none_outside(
     learned = {id(p) for p in work.parameters()}
     for name, parameter in network.named_parameters():
         inside = name.split(".")[0] in STAGES[stage]
-        assert inside == (id(parameter) in learned)
+        assert inside == (id(parameter) in learned) == parameter.requires_grad
         if not inside:
             assert parameter.grad is None, f"{name} is touched by the stage {stage}"
         elif name.endswith(("project.bias", "output.bias", "output.weight")):
