@@ -9,7 +9,6 @@ from torch.nn import functional
 from kpred.nn.config import ModelConfig
 from kpred.ops.typing import Float
 
-
 INFERENCE_POINTS = 1024
 """Points that the predictor is given of a scan or a CAD model; it gains nothing from more."""
 

@@ -122,7 +122,8 @@ def prepare(
     Raises:
         PackError: if fewer than two usable shapes remain.
     """
-    generator = torch.Generator().manual_seed(seed)
+    # Scans have a generator of their own: all stages see the same clouds, with scans or without.
+    generator, scan_generator = torch.Generator().manual_seed(seed), torch.Generator().manual_seed(seed + 1)
     clouds: list[Tensor] = []
     scans: list[Tensor] = []
     vertices: list[Tensor] = []
@@ -144,7 +145,7 @@ def prepare(
                 continue
             shuffle = torch.randperm(POOL_POINTS, generator=generator)
             clouds.append(cloud[shuffle])
-            scans.append(_scans(corners, torch.from_numpy(mesh.faces).long(), views, generator))
+            scans.append(_scans(corners, torch.from_numpy(mesh.faces).long(), views, scan_generator))
             is_source.append(source_split is None or split == source_split)
             vertices.append(corners)
     if sum(is_source) < 2:

@@ -51,6 +51,8 @@ def train_stage(
     if checkpoint:
         network.load_state_dict(checkpoint.weights)
     work = STAGE_CLASSES[stage](network, data, config)
+    if not checkpoint:
+        work.start()
     optimizer = torch.optim.Adam(work.parameters(), lr=work.settings.learning_rate)
     generator = torch.Generator(device=data.device).manual_seed(config.seed * 3 + sorted(STAGE_CLASSES).index(stage))
     first = 0

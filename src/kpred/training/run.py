@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -83,4 +84,7 @@ def _record(
         "training": config.to_dict(),
         "shapes": {"packs": [len(pack) for pack in packs], "sources": sources, "targets": targets},
     }
-    (folder / "model" / "training.json").write_text(json.dumps(values, indent=2) + "\n")
+    path = folder / "model" / "training.json"
+    scratch = path.with_suffix(".part")
+    scratch.write_text(json.dumps(values, indent=2) + "\n")
+    os.replace(scratch, path)

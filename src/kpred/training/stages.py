@@ -50,6 +50,9 @@ class Stage(ABC):
         for name in STAGES[self.name]:
             yield from getattr(self.network, name).parameters()
 
+    def start(self) -> None:  # noqa: B027 - most stages have nothing to do
+        """Called once, before the first step of a stage that is not resumed."""
+
     @abstractmethod
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         """Named loss terms of one step, already weighted; their sum is minimised."""
@@ -201,6 +204,12 @@ class PartialStage(FrozenDeformer):
     """L_pdef = L_usim + lambda_wkpt L_wkpt (Eq. 6, 7): the partial predictor follows the full one as its teacher."""
 
     name = "partial"
+
+    def start(self) -> None:
+        """Partial networks start as copies of their teachers."""
+        network = self.network
+        network.partial_keypoint_predictor.load_state_dict(network.keypoint_predictor.state_dict())
+        network.partial_retrieval_encoder.load_state_dict(network.retrieval_encoder.state_dict())
 
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         config, network = self.config, self.network

@@ -1,0 +1,88 @@
+"""Keypoint refinement: linear least squares between nearest-neighbour updates."""
+
+import pytest
+import torch
+
+from kpred.fitting import RefineConfig, refine_keypoints
+from kpred.ops import affine_influence, chamfer_distance, enclosing_cage, icosphere, mean_value_coordinates
+from kpred.ops.occlusion import slice_by_plane
+
+
+@pytest.fixture
+def source(generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+    """Three sources on a box surface and their deformation bases."""
+    points = torch.rand(3, 1500, 3, generator=generator) * 2 - 1
+    axis = torch.randint(0, 3, (3, 1500, 1), generator=generator)
+    points = points.scatter(2, axis, torch.gather(points, 2, axis).sign()) * torch.tensor([1.0, 0.6, 0.8])
+    keypoints = points[:, :12]
+    cage = enclosing_cage(points)
+    weights = mean_value_coordinates(points, cage, icosphere()[1])
+    return points, weights @ affine_influence(keypoints, cage).transpose(1, 2)
+
+
+def test_it_finds_the_displacement_that_made_the_target(source: tuple, generator: torch.Generator) -> None:
+    points, basis = source
+    wanted = 0.12 * torch.randn(3, 12, 3, generator=generator)
+    target = points + basis @ wanted
+    ones = torch.ones(12)
+    config = RefineConfig(iterations=30, points=1500, prior=1e-4, robust=0.0)
+    found = refine_keypoints(points, basis, torch.zeros(3, 12, 3), target, ones, config, partial=False)
+    before, after = chamfer_distance(target, points), chamfer_distance(target, points + basis @ found)
+    assert (after < 0.15 * before).all()
+
+
+def test_the_right_displacement_is_a_fixed_point(source: tuple, generator: torch.Generator) -> None:
+    points, basis = source
+    wanted = 0.1 * torch.randn(3, 12, 3, generator=generator)
+    target = points + basis @ wanted
+    config = RefineConfig(points=1500, robust=0.0)
+    found = refine_keypoints(points, basis, wanted, target, torch.ones(12), config, partial=False)
+    assert torch.allclose(found, wanted, atol=2e-3)
+
+
+def test_candidates_do_not_touch_each_other(source: tuple) -> None:
+    points, basis = source
+    target = points[0] * torch.tensor([1.1, 0.9, 1.0])
+    arguments = (torch.ones(12), RefineConfig(), False)
+    start = torch.zeros(3, 12, 3)
+    together = refine_keypoints(points, basis, start, target, *arguments)
+    for row in range(3):
+        one = slice(row, row + 1)
+        alone = refine_keypoints(points[one], basis[one], start[one], target, *arguments)
+        assert torch.allclose(together[one], alone, atol=1e-4)
+
+
+def test_a_strong_prior_holds_the_network_keypoints(source: tuple) -> None:
+    points, basis = source
+    target = points[0] * 1.2
+    held = refine_keypoints(
+        points, basis, torch.zeros(3, 12, 3), target, torch.ones(12), RefineConfig(prior=1e6), partial=False
+    )
+    assert held.abs().max() < 1e-3
+
+
+def test_outliers_move_robust_keypoints_less(source: tuple, generator: torch.Generator) -> None:
+    points, basis = source
+    stray = 1.5 + torch.rand(100, 3, generator=generator)
+    target = torch.cat([points[0], stray])
+    clean = points[0]
+    errors = {}
+    for robust in (0.0, 4.0):
+        config = RefineConfig(robust=robust, points=1600)
+        found = refine_keypoints(points[:1], basis[:1], torch.zeros(1, 12, 3), target, torch.ones(12), config, False)
+        errors[robust] = float(chamfer_distance(clean[None], points[:1] + basis[:1] @ found))
+    assert errors[4.0] < 0.2 * errors[0.0]
+
+
+def test_partial_scans_leave_the_unseen_part_alone(source: tuple) -> None:
+    points, basis = source
+    full = points[0]
+    visible = slice_by_plane(full[None], torch.tensor([0.5]), torch.tensor([[1.0, 0.0, 0.0]]))[0]
+    confidence = (points[0, :12, 0] < 0).float()
+    start = torch.zeros(1, 12, 3)
+    one_sided, two_sided = (
+        refine_keypoints(points[:1], basis[:1], start, full[visible], confidence, RefineConfig(), partial)
+        for partial in (True, False)
+    )
+    unseen = confidence == 0
+    assert one_sided[0, unseen].norm(dim=1).mean() < 0.3 * two_sided[0, unseen].norm(dim=1).mean()
