@@ -10,9 +10,8 @@ import sys
 from pathlib import Path
 
 import kpred
-from kpred.cli.bundled import sample_scan
 
-scan = Path(sys.argv[1]) if len(sys.argv) > 1 else sample_scan()
+scan = Path(sys.argv[1]) if len(sys.argv) > 1 else kpred.sample_scan()
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kpred.database import Database
-    from kpred.fitting import Fit, fit
+    from kpred.fitting import Fit, fit, sample_scan
     from kpred.nn import load_model
     from kpred.shapes import read_mesh, read_scan, write_mesh
 
 __version__ = "0.1.0"
 
-__all__ = ["Database", "Fit", "__version__", "fit", "load_model", "read_mesh", "read_scan", "write_mesh"]
+__all__ = ["Database", "Fit", "__version__", "fit", "load_model", "read_mesh", "read_scan", "sample_scan", "write_mesh"]
 
 _HOME = {
     "Database": "kpred.database",
@@ -27,6 +27,7 @@ _HOME = {
     "load_model": "kpred.nn",
     "read_mesh": "kpred.shapes",
     "read_scan": "kpred.shapes",
+    "sample_scan": "kpred.fitting",
     "write_mesh": "kpred.shapes",
 }
 

@@ -28,9 +28,9 @@ class DemoCommand(Command):
 
     def run(self, output: Output) -> None:
         """Fit, write the files, print what was chosen."""
-        from kpred.cli.bundled import sample_scan
         from kpred.cli.fit_files import describe, write_files
         from kpred.errors import OutputError
+        from kpred.fitting import sample_scan
         from kpred.fitting.fit_scan import fit
         from kpred.shapes import read_scan
 

@@ -6,10 +6,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from kpred.fitting.fit_scan import fit
     from kpred.fitting.refine import RefineConfig, refine_keypoints
-    from kpred.fitting.resources import bundled_database_path
+    from kpred.fitting.resources import bundled_database_path, sample_scan
     from kpred.fitting.result import Candidate, Fit, Metric
 
-__all__ = ["Candidate", "Fit", "Metric", "RefineConfig", "bundled_database_path", "fit", "refine_keypoints"]
+__all__ = [
+    "Candidate",
+    "Fit",
+    "Metric",
+    "RefineConfig",
+    "bundled_database_path",
+    "fit",
+    "refine_keypoints",
+    "sample_scan",
+]
 
 _HOME = {
     "Candidate": "kpred.fitting.result",
@@ -19,6 +28,7 @@ _HOME = {
     "bundled_database_path": "kpred.fitting.resources",
     "fit": "kpred.fitting.fit_scan",
     "refine_keypoints": "kpred.fitting.refine",
+    "sample_scan": "kpred.fitting.resources",
 }
 
 

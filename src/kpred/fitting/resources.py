@@ -8,13 +8,25 @@ from importlib import resources
 from pathlib import Path
 
 from kpred.database import Database
-from kpred.errors import DatabaseError
+from kpred.errors import DatabaseError, ScanError
 from kpred.nn import Model, load_model
 
 
 def bundled_database_path() -> Path:
     """The starter database that comes with the package."""
     return Path(str(resources.files("kpred"))) / "bundled" / "furniture.kpred"
+
+
+def sample_scan() -> Path:
+    """The sample scan that comes with the package.
+
+    Raises:
+        ScanError: it is missing, as in a damaged installation.
+    """
+    path = Path(str(resources.files("kpred"))) / "bundled" / "chair_scan.ply"
+    if not path.is_file():
+        raise ScanError(f"{path}: the bundled sample scan is missing; install kpred again.")
+    return path
 
 
 def as_model(model: Model | str | os.PathLike[str] | None) -> Model:
