@@ -29,8 +29,8 @@ class RefineConfig:
 
     iterations: int = 8
     points: int = 1024
-    prior: float = 0.02
-    robust: float = 4.0
+    prior: float = 0.005
+    robust: float = 8.0
 
 
 def refine_keypoints(
