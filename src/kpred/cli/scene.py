@@ -1,0 +1,147 @@
+"""`kpred scene`: every object of a scanned scene fitted, and one GLB of all."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+
+if TYPE_CHECKING:
+    from kpred.fitting.scene import ObjectFit, SceneFit
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneCommand(Command):
+    """Fit a CAD model to every object of a scanned scene.
+
+    The result is one GLB, y up, with a node for each object. Beside it lie a record (.json), the alignments as
+    Scan2CAD annotates them (_scan2cad.json) and benchmarks them (<scene>.csv), and a picture (.png). Objects of
+    categories that the model does not know are skipped; one that fails does not stop the others.
+
+    examples:
+      kpred scene scene0470_00_vh_clean_2.ply --objects full_annotations.json -o scene.glb
+      kpred scene scene0470_00_vh_clean_2.ply --objects scene0470_00.aggregation.json -o scene.glb
+      kpred scene room.ply --objects boxes.json -o room.glb --up y --no-picture
+      kpred scene room.ply --objects instances.npy -o room.glb --json
+    """
+
+    scene: Annotated[Positional[Path], arg(metavar="SCENE")]
+    """Scanned scene, cloud or mesh: .ply (ScanNet, S3DIS, any), .pcd .txt .xyz .npy .npz .obj .glb ..."""
+    objects: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Instance numbers (.npy .npz .txt .ply), ScanNet aggregation or boxes (.json), Scan2CAD full_annotations.json, or
+    an S3DIS Annotations folder; without it, the instance numbers in the scene's own PLY"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
+    """The scene to write (.glb)"""
+    labels: Annotated[Path | None, arg(metavar="FILE")] = None
+    """PLY with NYU40 labels of the points; without it, ScanNet's .labels.ply beside the scene, if there is one"""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """Up axis of the scene; auto: z, and y for .glb and .gltf"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    database: Annotated[Path | None, arg(metavar="FILE")] = None
+    """CAD database (.kpred); without it, the bundled one"""
+    top_k: Annotated[int, arg(metavar="K")] = 10
+    """How many retrieved models to deform and compare for each object"""
+    refine: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Leave out the refinement of keypoints"""
+    picture: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Write no picture"""
+
+    def run(self, output: Output) -> None:
+        """Fit, write the files, print what became of each object."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.errors import ScanError
+        from kpred.fitting.scene import fit_scene
+        from kpred.shapes.scene import read_scene, scene_name
+        from kpred.shapes.scene_objects import objects_of
+
+        _check_output(self._files(scene_name(self.scene)), [self.scene, self.objects, self.labels])
+        scene = read_scene(self.scene, None if self.up == "auto" else self.up, self.labels)
+        objects = objects_of(scene, self.objects)
+        with ProgressBar() as bar:
+            result = fit_scene(
+                scene,
+                objects,
+                self.model,
+                self.database,
+                progress=lambda done, total, name: bar.update("objects", done, total, name),
+                top_k=self.top_k,
+                refine=self.refine,
+            )
+        files = self._write(result)
+        output.result({**result.to_json(self.output.name), "files": files})
+        columns = ["object", "category", "points", "model", "mean distance", "ms", ""]
+        output.table(f"scene {scene.name}", columns, [_row(item) for item in result.fits])
+        for item in result.fits:
+            if item.error is not None:
+                output.note(f"{'skipped' if item.skipped else 'failed'}: {item.error}")
+        for file in files:
+            output.note(f"wrote {file}")
+        if not result.fitted:
+            raise ScanError(f"{self.scene}: none of its {len(objects)} objects could be fitted; {result.fits[0].error}")
+
+    def _files(self, name: str) -> tuple[Path, ...]:
+        """The GLB, the record, the annotation, the benchmark's lines and the picture."""
+        out = self.output
+        annotation = out.with_name(f"{out.stem}_scan2cad.json")
+        return out, out.with_suffix(".json"), annotation, out.with_name(f"{name}.csv"), out.with_suffix(".png")
+
+    def _write(self, result: SceneFit) -> list[Path]:
+        from kpred import __version__
+
+        glb, record_file, annotation, lines, picture = self._files(result.scene.name)
+        record = {"kpred": __version__, "scan": self.scene, "glb": glb, **result.to_json(glb.name)}
+        _write_json(record_file, record)
+        written = [record_file]
+        if result.fitted:
+            result.to_glb(glb)
+            _write_json(annotation, record["scan2cad"])
+            result.to_csv(lines)
+            written = [glb, record_file, annotation, lines]
+        if self.picture and result.fitted:
+            from kpred.fitting.picture_scene import save_scene_picture
+
+            if save_scene_picture(result, picture):
+                written.append(picture)
+        return written
+
+
+def _write_json(file: Path, content: Any) -> None:
+    from kpred.cli.output import plain
+    from kpred.shapes.atomic import atomic_path
+
+    with atomic_path(file) as temporary:
+        temporary.write_text(json.dumps(plain(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _check_output(files: tuple[Path, ...], inputs: list[Path | None]) -> None:
+    """Refuse the output before any work is done for it."""
+    from kpred.errors import OutputError
+
+    out = files[0]
+    if out.suffix.lower() != ".glb":
+        raise OutputError(f"Cannot write {out}: scenes are .glb files; give it that extension.")
+    if not out.parent.is_dir():
+        raise OutputError(f"Cannot write {out}: the folder {out.parent} does not exist; make it first.")
+    for source in inputs:
+        for file in files:
+            if source is not None and source.exists() and file.exists() and file.samefile(source):
+                raise OutputError(f"Cannot write {file}: it would overwrite {source}; choose another name or folder.")
+
+
+def _row(item: ObjectFit) -> tuple[Any, ...]:
+    points = len(item.object.points)
+    if item.fit is None:
+        return (item.object.name, item.object.category, points, "", None, None, "skipped" if item.skipped else "failed")
+    distance = next((m.value for m in item.fit.metrics if m.name == "mean_scan_to_result"), None)
+    milliseconds = round(1000 * sum(item.fit.timings.values()))
+    return (item.object.name, item.fit.category, points, item.fit.source.model_id, distance, milliseconds, "")
+
+
+COMMAND: type[Command] = SceneCommand
