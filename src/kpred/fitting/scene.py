@@ -14,7 +14,6 @@ import trimesh
 from kpred.database import Database
 from kpred.errors import ConfigError, KpredError, OutputError, ScanError
 from kpred.fitting.fit_scan import fit
-from kpred.fitting.placement import UP_AXES
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Fit
 from kpred.nn import Model
@@ -217,7 +216,7 @@ def fit_scene(
 
 def upright(up: str) -> np.ndarray:
     """(3, 3) shortest rotation that takes an up axis (x, y, z, -x, -y, -z) to +y."""
-    axis = np.array(UP_AXES[up], dtype=np.float64)
+    axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
     if axis[1] == -1:
         return np.diag([1.0, -1.0, -1.0])
     cross = np.cross(axis, [0.0, 1.0, 0.0])
