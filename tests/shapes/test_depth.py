@@ -163,6 +163,11 @@ def test_pixels_that_mix_front_and_back_are_dropped() -> None:
     assert flying[10, 30]
     assert not flying[:, :20].any()
     assert not np.delete(flying[:, 21:], [9], axis=1).any()
+    kept = np.zeros_like(flying)
+    columns, rows = scan_depth(depth, camera).pixels.T
+    kept[rows, columns] = True
+    np.testing.assert_array_equal(kept, ~flying)
+    assert len(scan_depth(depth, camera, remove_flying=False).points) == depth.size
 
 
 def test_thin_legs_and_slanted_seats_stay() -> None:
@@ -203,6 +208,12 @@ def test_views_merge_to_their_union() -> None:
     assert set(merged.views.tolist()) == {0, 1}
     for view, scan in enumerate(scans):
         assert set(map(tuple, merged.points[merged.views == view])) <= set(map(tuple, scan.points))
+    cell = np.floor((everything - everything.min(axis=0)) / voxel)
+    distance = np.concatenate([np.linalg.norm(scan.points - scan.origin, axis=1) for scan in scans])
+    for row in range(0, len(merged.points), 37):
+        shared = (cell == cells[row]).all(axis=1)
+        nearest = everything[shared][distance[shared].argmin()]
+        np.testing.assert_array_equal(merged.points[row], nearest)
     alone = merge_views(scans[:1], voxel)
     np.testing.assert_array_equal(alone.points, scans[0].points)
 

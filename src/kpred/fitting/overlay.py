@@ -52,21 +52,25 @@ def draw_overlay(
         ConfigError: the picture has other proportions than the camera's.
     """
     height, width = picture.shape[:2]
-    fine = camera.resized(width, height).resized(width * _SAMPLES, height * _SAMPLES)
+    fine = camera.resized(width * _SAMPLES, height * _SAMPLES)
     depth, face = render_faces(vertices, faces, fine)
+    result = picture[..., :3].copy()
+    rows, columns = (np.flatnonzero((face >= 0).any(axis=axis)) // _SAMPLES for axis in (1, 0))
+    if not len(rows):
+        return result
+    # Only the part of the picture that holds the mesh and its outline is worked on.
+    part = tuple(slice(max(side[0] - 2, 0), side[-1] + 3) for side in (rows, columns))
+    several = tuple(slice(side.start * _SAMPLES, side.stop * _SAMPLES) for side in part)
+    depth, face = depth[several], face[several]
     inside = face >= 0
     normals = _normals(fine.to_camera(vertices)[faces])[face]
     color = _shade(normals) * np.array(COLOR)
     line = _outline(depth, normals, inside, 1e-6 + 12 / float(fine.intrinsics[0, 0]))
-    alpha = np.where(inside, opacity, 0.0)
+    alpha = np.maximum(np.where(inside, opacity, 0.0), line)[..., None]
     color = np.where(line[..., None] > 0, np.array(OUTLINE), color)
-    alpha = np.maximum(alpha, line)
-    blended = [
-        values.reshape(height, _SAMPLES, width, _SAMPLES, -1).mean(axis=(1, 3))
-        for values in (color * alpha[..., None], alpha)
-    ]
-    result = blended[0] * 255 + picture[..., :3] * (1 - blended[1])
-    return np.asarray(result.round().clip(0, 255), dtype=np.uint8)
+    paint, cover = (_averaged(values) for values in (color * alpha, alpha))
+    result[part] = (paint * 255 + result[part] * (1 - cover)).round().clip(0, 255).astype(np.uint8)
+    return result
 
 
 def save_overlay(
@@ -114,6 +118,13 @@ def read_photograph(path: str | os.PathLike[str]) -> np.ndarray:
         raise ScanError(f"{file}: it is not a picture; give a .png or .jpg photograph.") from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ScanError(f"{file}: it cannot be read (damaged or cut short: {error}); copy it again.") from error
+
+
+def _averaged(values: np.ndarray) -> np.ndarray:
+    """Samples (height * 2, width * 2, C) -> pixels (height, width, C)."""
+    height, width, channels = values.shape
+    blocks = values.reshape(height // _SAMPLES, _SAMPLES, width // _SAMPLES, _SAMPLES, channels)
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _normals(corners: np.ndarray) -> np.ndarray:
