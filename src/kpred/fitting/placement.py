@@ -1,14 +1,16 @@
-"""Where the scan stands: from its gravity direction and its footprint to hypotheses of its unit-box frame."""
+"""Where the scan stands: from hypotheses of its rotation to frames of its visible box."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from kpred.errors import ConfigError
+from kpred.fitting.pose import PoseEstimator, UprightPose, pose_estimator
+from kpred.fitting.upright import SAME, find_up, upright_rotation
 from kpred.ops.frames import Frame, unit_box_frame
 
-UP_AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+YAWS = 5
+"""Turns tried beside the scan as it stands: four quarters, and one more direction's first."""
 
 
 def known_frame(points: np.ndarray) -> Frame:
@@ -21,59 +23,32 @@ def known_frame(points: np.ndarray) -> Frame:
     return Frame(center=np.zeros(3), scale=1.0)
 
 
-def frame_hypotheses(points: np.ndarray, up: str = "y") -> list[Frame]:
-    """Unit-box frames worth trying for a scan whose yaw is unknown.
+def up_axis(points: np.ndarray, up: str) -> str:
+    """The axis itself, or the likeliest one where it is "auto"."""
+    return find_up(points)[0] if up == "auto" else up
 
-    The scan as it stands comes first; then four quarter turns of the tightest rectangle around its footprint, since
-    furniture is mostly rectangular. Each frame holds the scan's own box: of a partial scan the visible part's.
+
+def frame_hypotheses(points: np.ndarray, up: str = "y", pose: PoseEstimator | str | None = None) -> list[Frame]:
+    """Unit-box frames worth trying; each holds the scan's own box, which of a partial scan is the visible part's.
+
+    Args:
+        points: (N, 3) in any unit; up: its up axis, or "auto".
+        pose: an estimator, its name, or None: the scan as it stands, then turned about its up axis.
 
     Raises:
-        ConfigError: if `up` is no axis name.
+        ConfigError: if `up` is no axis name, or there is no such estimator.
         ScanError: if the points have no extent.
     """
-    if up not in UP_AXES:
-        raise ConfigError(f"The up axis must be one of {', '.join(UP_AXES)}, but is '{up}'.")
-    upright = _upright(np.array(UP_AXES[up], dtype=np.float64))
-    yaw = _footprint_yaw((points @ upright.T)[:, [0, 2]])
-    turns = [0.0]
-    for quarter in range(4):
-        turn = (yaw + quarter * np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
-        # As-it-stands and a rectangle turned by under two degrees are one hypothesis.
-        if all(abs((turn - other + np.pi) % (2 * np.pi) - np.pi) > np.radians(2) for other in turns):
-            turns.append(turn)
-    return [unit_box_frame(points, _yaw_rotation(turn) @ upright) for turn in turns]
+    if pose is not None:
+        estimator = pose_estimator(pose) if isinstance(pose, str) else pose
+        rotations = estimator(points, up)
+    else:
+        rotations = [upright_rotation(up_axis(points, up))]
+        for rotation in UprightPose(most=YAWS)(points, up):
+            if all(_angle_between(rotation, other) > SAME for other in rotations):
+                rotations.append(rotation)
+    return [unit_box_frame(points, rotation) for rotation in rotations]
 
 
-def _upright(up: np.ndarray) -> np.ndarray:
-    """Shortest rotation that takes `up` to +y; for z up that is (x, y, z) -> (x, z, -y)."""
-    if up[1] == 1:
-        return np.eye(3)
-    if up[1] == -1:
-        return np.diag([1.0, -1.0, -1.0])
-    axis = np.cross(up, [0.0, 1.0, 0.0])
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + cross + cross @ cross
-
-
-def _yaw_rotation(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-
-
-def _footprint_yaw(footprint: np.ndarray) -> float:
-    """Turn about y that makes the tightest rectangle around the (x, z) footprint axis-aligned."""
-    # A few stray points must not turn the rectangle.
-    middle = np.median(footprint, axis=0)
-    reach = np.abs(footprint - middle).max(axis=1)
-    core = footprint[reach <= np.quantile(reach, 0.995)]
-    try:
-        corners = core[ConvexHull(core).vertices]
-    except QhullError:
-        return 0.0
-    edges = np.roll(corners, -1, axis=0) - corners
-    angles = np.unique(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2))
-    c, s = np.cos(angles), np.sin(angles)
-    along = corners @ np.stack([c, s])
-    across = corners @ np.stack([-s, c])
-    area = np.ptp(along, axis=0) * np.ptp(across, axis=0)
-    return float(angles[area.argmin()])
+def _angle_between(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.arccos(np.clip((np.trace(a @ b.T) - 1) / 2, -1, 1)))

@@ -1,0 +1,211 @@
+"""Upright furniture: which way is up, and which yaws are worth trying, from the points alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from kpred.errors import ConfigError
+from kpred.fitting.normals import estimate_normals
+from kpred.ops.typing import Float
+
+UP_AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+
+QUARTER = np.pi / 2
+SAME = np.radians(3.0)
+"""Yaws closer than this are one hypothesis: keypoints and refinement bridge the rest."""
+
+SAMPLE = 2048
+
+
+def upright_rotation(up: str) -> Float[np.ndarray, "3 3"]:
+    """Shortest rotation that takes the named axis to +y; for z up that is (x, y, z) -> (x, z, -y).
+
+    Raises:
+        ConfigError: if `up` is no axis name.
+    """
+    if up not in UP_AXES:
+        raise ConfigError(f"The up axis must be one of {', '.join(UP_AXES)}, but is '{up}'.")
+    axis_up = np.array(UP_AXES[up], dtype=np.float64)
+    if axis_up[1] == 1:
+        return np.eye(3)
+    if axis_up[1] == -1:
+        return np.diag([1.0, -1.0, -1.0])
+    axis = np.cross(axis_up, [0.0, 1.0, 0.0])
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + cross + cross @ cross
+
+
+def yaw_rotation(angle: float) -> Float[np.ndarray, "3 3"]:
+    """Rotation by an angle (radians) about +y; it takes +z towards +x."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def yaw_hypotheses(points: Float[np.ndarray, "points 3"], most: int = 8) -> list[float]:
+    """Turns about +y (radians, in (-pi, pi]) after which furniture may stand straight, the most plausible first.
+
+    Furniture has straight sides, so turns come in fours. Directions are proposed by the tightest rectangle around the
+    footprint, by the normals of vertical surfaces, and by the direction in which the footprint falls into the
+    sharpest lines; proposals within three degrees are one. The first four turns are those of the likeliest
+    direction. Leaving the scan as it stands is the last one, if there is room for it.
+
+    Args:
+        points: y up, any unit.
+    """
+    rows = np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(np.int64)
+    sample = points[rows]
+    footprint = sample[:, [0, 2]]
+    footprint = footprint - np.median(footprint, axis=0)
+    reach = np.abs(footprint).max(axis=1)
+    core = footprint[reach <= np.quantile(reach, 0.995)]
+    core = core / max(float(np.abs(core).max()), np.finfo(float).tiny)
+    normals, planarity = estimate_normals(sample, sample[:: max(1, len(sample) // 1024)], 10)
+    direction, weight = _wall_angles(normals, planarity)
+    sharp = _sharpness(core)
+    proposals = [rectangle_yaw(core), *_wall_peaks(direction, weight), sharp.argmax() * QUARTER / len(sharp)]
+    merged: list[list[float]] = []
+    for angle in proposals:
+        for group in merged:
+            if abs(_quarter_difference(angle, group[0])) < SAME:
+                group.append(angle)
+                break
+        else:
+            merged.append([angle])
+    scored = []
+    for group in merged:
+        offset = np.abs(_quarter_difference(direction, group[0]))
+        aligned = float(weight[offset < np.radians(5)].sum()) / max(float(weight.sum()), 1e-9) if len(weight) else 0.0
+        position = group[0] / QUARTER * len(sharp)
+        score = float(sharp[int(round(position)) % len(sharp)] / sharp.max())
+        scored.append((aligned * min(1.0, float(weight.sum()) / 100.0) + score + 0.15 * (len(group) - 1), group[0]))
+    scored.sort(key=lambda entry: -entry[0])
+    turns: list[float] = []
+    for _, angle in scored[: max(1, most // 4)]:
+        turns += _ordered_quarters(sample, angle)
+    if len(turns) < most and all(abs(_difference(turn, 0.0)) > SAME for turn in turns):
+        turns.append(0.0)
+    return turns[:most]
+
+
+def rectangle_yaw(footprint: Float[np.ndarray, "points 2"]) -> float:
+    """Turn about y, in [0, pi/2), that makes the tightest rectangle around the (x, z) footprint axis-aligned."""
+    try:
+        corners = footprint[ConvexHull(footprint).vertices]
+    except (QhullError, ValueError):
+        return 0.0
+    edges = np.roll(corners, -1, axis=0) - corners
+    angles = np.unique(np.arctan2(edges[:, 1], edges[:, 0]) % QUARTER)
+    c, s = np.cos(angles), np.sin(angles)
+    along = corners @ np.stack([c, s])
+    across = corners @ np.stack([-s, c])
+    area = np.ptp(along, axis=0) * np.ptp(across, axis=0)
+    return float(angles[area.argmin()])
+
+
+def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
+    """The axes that may point up, the most plausible first: at most two.
+
+    Furniture stands: its lowest points span an area that its middle lies over, on the floor if that was scanned too;
+    and it carries: level surfaces are large and face up. Files have y or z up, cameras -y; the others are only
+    believed on strong evidence.
+    """
+    rows = np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(np.int64)
+    sample = points[rows]
+    sample = sample - sample.mean(axis=0)
+    distance = np.linalg.norm(sample, axis=1)
+    sample = sample[distance <= np.quantile(distance, 0.99)]
+    normals, planarity = estimate_normals(sample, None, 10)
+    scores = {name: _standing(sample, normals, planarity, np.array(axis, float)) for name, axis in UP_AXES.items()}
+    for name, prior in {"y": 0.0, "z": 0.0, "-y": -0.35, "-z": -0.5, "x": -0.6, "-x": -0.6}.items():
+        scores[name] += prior
+    order = sorted(scores, key=lambda name: -scores[name])
+    return order[:1] if scores[order[0]] - scores[order[1]] > 0.5 else order[:2]
+
+
+def _standing(points: np.ndarray, normals: np.ndarray, planarity: np.ndarray, up: np.ndarray) -> float:
+    """How much a cloud looks like furniture that stands upright along `up`."""
+    height = points @ up
+    low, high = np.quantile(height, [0.005, 0.995])
+    level = (height - low) / max(float(high - low), np.finfo(float).tiny)
+    horizontal = np.abs(normals @ up)
+    flat = planarity > 0.3
+    # Level and upright surfaces against slanted ones, and level ones above the foot.
+    levels = float((flat & (horizontal > 0.95)).sum()) / max(int(flat.sum()), 1)
+    tops = flat & (horizontal > 0.95) & (level > 0.25)
+    ground = flat & (horizontal > 0.95) & (level < 0.05)
+    plane = points - height[:, None] * up
+    feet = level < 0.06
+    support = 0.0
+    if feet.sum() >= 3:
+        spread = np.linalg.norm(plane[feet] - plane[feet].mean(axis=0), axis=1).mean()
+        support = float(spread) / max(float(np.linalg.norm(plane - plane.mean(axis=0), axis=1).mean()), 1e-12)
+    bars = min(float(feet.mean()) / 0.06, 2.0)
+    tops_share = float(tops.sum()) / max(int(flat.sum()), 1)
+    ground_share = float(ground.sum()) / max(int(flat.sum()), 1)
+    return 0.8 * tops_share + 0.4 * levels + 0.5 * min(support, 1.2) - 0.25 * bars + 1.0 * ground_share
+
+
+def _wall_angles(normals: np.ndarray, planarity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angles modulo a quarter turn, and weights, of the normals of vertical surfaces."""
+    vertical = (np.abs(normals[:, 1]) < 0.25) & (planarity > 0.2)
+    chosen = normals[vertical]
+    return np.arctan2(chosen[:, 2], chosen[:, 0]) % QUARTER, planarity[vertical] ** 2
+
+
+def _wall_peaks(angle: np.ndarray, weight: np.ndarray, most: int = 2) -> list[float]:
+    bins = 90
+    if len(angle) < 12:
+        return []
+    histogram = np.bincount((angle / QUARTER * bins).astype(np.int64) % bins, weight, bins)
+    smooth = sum(np.roll(histogram, shift) * share for shift, share in ((-2, 0.5), (-1, 1), (0, 1), (1, 1), (2, 0.5)))
+    smooth = np.asarray(smooth)
+    peaks: list[float] = []
+    for _ in range(most):
+        peak = int(smooth.argmax())
+        if smooth[peak] < 0.1 * weight.sum():
+            break
+        middle = (peak + 0.5) * QUARTER / bins
+        offset = _quarter_difference(angle, middle)
+        close = np.abs(offset) < np.radians(4)
+        peaks.append(float((middle + np.average(offset[close], weights=weight[close])) % QUARTER))
+        smooth[(peak + np.arange(-6, 7)) % bins] = 0.0
+    return peaks
+
+
+def _sharpness(footprint: np.ndarray, bins: int = 64) -> np.ndarray:
+    """For each degree of a quarter turn, how unevenly the turned footprint spreads over its two axes."""
+    angles = np.arange(90) * QUARTER / 90
+    c, s = np.cos(angles), np.sin(angles)
+    spread = np.stack([footprint @ np.stack([c, s]), footprint @ np.stack([-s, c])])
+    column = np.clip(((spread + 1.5) / 3.0 * 2 * bins).astype(np.int64), 0, 2 * bins - 1)
+    column += (np.arange(180) * 2 * bins).reshape(2, 1, 90)
+    counts = np.bincount(column.ravel(), minlength=180 * 2 * bins).reshape(2, 90, 2 * bins).astype(float)
+    smooth = counts[..., 1:] + counts[..., :-1]
+    sharp: np.ndarray = (smooth**2).sum(axis=(0, 2)) / max(len(footprint), 1) ** 2
+    return sharp
+
+
+def _ordered_quarters(points: np.ndarray, angle: float) -> list[float]:
+    """The four turns of one direction: first those with the long side across and the high part at the back (-z)."""
+    x, z = points[:, 0], points[:, 2]
+    height = points[:, 1]
+    high = height > np.quantile(height, 0.8)
+    entries = []
+    for quarter in range(4):
+        turn = (angle + quarter * QUARTER + np.pi) % (2 * np.pi) - np.pi
+        across = x * np.cos(turn) + z * np.sin(turn)
+        along = z * np.cos(turn) - x * np.sin(turn)
+        width, depth = (float(np.ptp(np.quantile(value, [0.01, 0.99]))) for value in (across, along))
+        middle = float(np.quantile(along, [0.01, 0.99]).mean())
+        behind = (middle - float(along[high].mean())) / max(depth, 1e-12)
+        entries.append((-(2.0 * behind + np.log(max(width, 1e-12) / max(depth, 1e-12))), float(turn)))
+    return [turn for _, turn in sorted(entries)]
+
+
+def _quarter_difference(angle: np.ndarray | float, other: float) -> np.ndarray:
+    return (np.asarray(angle) - other + QUARTER / 2) % QUARTER - QUARTER / 2
+
+
+def _difference(angle: float, other: float) -> float:
+    return float((angle - other + np.pi) % (2 * np.pi) - np.pi)
