@@ -238,7 +238,7 @@ def _fit_object(
     except KpredError as error:
         return ObjectFit(item, error=f"{item.name}: {str(error).removeprefix('scan: ')}")
     except Exception as error:  # One object must not cost the others their results.
-        return ObjectFit(item, error=f"{item.name}: unexpected {type(error).__name__}: {error}")
+        return ObjectFit(item, error=f"{item.name}: unexpected {type(error).__name__}: {' '.join(str(error).split())}")
 
 
 def _described(item: ObjectFit) -> dict[str, Any]:

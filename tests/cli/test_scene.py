@@ -1,0 +1,129 @@
+"""`kpred scene` on small files: what it writes and prints, and how it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from kpred.cli import main as cli
+from kpred.cli.main import FAILED, OK, main
+from kpred.nn import ModelConfig, save_network
+from kpred.shapes.scan2cad import read_annotations
+from kpred.shapes.synthetic.generator import generate
+from kpred.training.run import new_network
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(cli.COMMANDS, "scene", "Fit every object of a scanned scene.")
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Untrained networks and a database of tables, and a room with two tables."""
+    folder = tmp_path_factory.mktemp("rooms")
+    generate("table", 4, seed=1, splits=False).save(folder / "table.npz")
+    config = ModelConfig(category="table", width=16, token_size=8, region_points=16, stages=1)
+    save_network(new_network(config, seed=0), folder / "model")
+    line = ["database", "build", folder / "table.npz", "--model", folder / "model", "-o", folder / "tables.kpred"]
+    assert main([str(word) for word in line]) == OK
+    parts = []
+    for number in range(2):
+        mesh = generate("table", 4, seed=1)[number]
+        surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        parts.append(
+            trimesh.sample.sample_surface(surface, 500, seed=0)[0][:, [0, 2, 1]] * [1, -1, 1] + [4 * number, 0, 0]
+        )
+    trimesh.PointCloud(np.concatenate(parts)).export(folder / "room.ply")
+    boxes = [
+        {"name": "left", "category": "table", "center": [0, 0, 1], "size": [3.9, 9, 9], "yaw": 0.0},
+        {"name": "right", "category": "desk", "center": [4, 0, 1], "size": [3.9, 9, 9]},
+        {"name": "fern", "category": "plant", "center": [4, 0, 1], "size": [3.9, 9, 9]},
+        {"name": "nothing", "category": "table", "center": [40, 0, 1], "size": [1, 1, 1]},
+        {"name": "flat", "category": "table", "center": [40, 0, 1], "size": [1, 0, 1]},
+    ]
+    (folder / "boxes.json").write_text(json.dumps(boxes))
+    return folder
+
+
+def words(files: Path, out: Path, objects: str = "boxes.json", *more: str) -> list[str]:
+    options = ["--objects", files / objects, "--model", files / "model", "--database", files / "tables.kpred"]
+    return [*map(str, ["scene", files / "room.ply", "-o", out, *options, "--top-k", 2]), *more]
+
+
+def test_a_scene_is_fitted_and_told(files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "scene.glb"
+    assert main(words(files, out, "boxes.json", "--no-picture", "--json")) == OK
+    printed = capsys.readouterr()
+    result = json.loads(printed.out)
+    statuses = {entry["name"]: entry["status"] for entry in result["objects"]}
+    assert statuses == {"left": "fitted", "right": "fitted", "fern": "skipped", "nothing": "failed", "flat": "failed"}
+    assert "skipped: fern: plant is not among" in printed.err
+    assert "failed: nothing: no point of the scan lies in its box" in printed.err
+    written = {Path(file).name for file in result["files"]}
+    assert written == {"scene.glb", "scene.json", "scene_scan2cad.json", "room.csv"}
+    assert written == {file.name for file in tmp_path.iterdir()}
+    loaded = trimesh.load_scene(out)
+    assert {name.split()[0] for name in loaded.graph.nodes_geometry} == {"left", "right"}
+    (annotation,) = read_annotations(tmp_path / "scene_scan2cad.json", "room")
+    assert len(annotation.models) == len((tmp_path / "room.csv").read_text().splitlines()) == 2
+    record = json.loads((tmp_path / "scene.json").read_text())
+    assert record["objects"] == result["objects"]
+
+
+def test_table_and_picture_for_people(files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words(files, tmp_path / "scene.glb")) == OK
+    printed = capsys.readouterr()
+    assert "scene room" in printed.out
+    for word in ("left", "right", "fern", "mean distance", "skipped", "wrote"):
+        assert word in printed.out
+    assert (tmp_path / "scene.png").stat().st_size > 10_000
+
+
+def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scene", "--help"]) == OK
+    text = capsys.readouterr().out
+    assert "usage: kpred scene" in text
+    assert "kpred scene" in text.partition("examples:")[2]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("short.npy", np.ones(7, np.int64), "it labels 7 points, but the scene has 1000"),
+        ("empty.json", "[]", "it has no objects"),
+        ("cut.json", "[{", "not valid JSON"),
+        ("plants.json", '[{"category": "plant", "min": [-9, -9, -9], "max": [9, 9, 9]}]', "none of its 1 objects"),
+        ("none.json", None, "there is no such file of objects"),
+    ],
+)
+def test_refusals(
+    files: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    content: np.ndarray | str | None,
+    sentence: str,
+) -> None:
+    if isinstance(content, str):
+        (tmp_path / name).write_text(content)
+    elif content is not None:
+        np.save(tmp_path / name, content)
+    assert main(words(files, tmp_path / "out.glb", str(tmp_path / name))) == FAILED
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("kpred: ")]
+    assert len(errors) == 1
+    assert sentence in errors[0]
+    assert not (tmp_path / "out.glb").exists()
+
+
+def test_outputs_are_checked_first(files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words(files, tmp_path / "scene.obj")) == FAILED
+    assert "scenes are .glb files" in capsys.readouterr().err
+    assert main(words(files, tmp_path / "none" / "scene.glb")) == FAILED
+    assert "does not exist" in capsys.readouterr().err
+    before = (files / "boxes.json").read_bytes()
+    assert main(words(files, files / "boxes.glb")) == FAILED
+    assert "would overwrite" in capsys.readouterr().err
+    assert (files / "boxes.json").read_bytes() == before
