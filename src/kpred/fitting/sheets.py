@@ -14,6 +14,9 @@ from kpred.ops.typing import Bool, Float
 STEEPEST = 0.07
 """A sheet may lean by this slope (four degrees) against the direction it was looked for in."""
 
+NARROW = 0.11
+"""Strips up to this share of the size across are not wide: the arms of a swivel chair's star are."""
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -103,7 +106,7 @@ def end_sheet(
     cell = max(1.2 * float(np.median(reach[member])), 0.015 * size)
     if cell > 0.06 * size:
         return None
-    wide = _wide(plane, member, cell)
+    wide = _wide(plane, member, cell, int(max(2, round((NARROW * size / cell - 1) / 2))))
     if not wide.any():
         return None
     return Sheet(normal / length, above / length, plane, thickness, cell, wide)
@@ -124,7 +127,7 @@ def own_points(
     inside = sheet.inside
     # Not from the layer's very rim: its own noise would then stand everywhere on it.
     foot = 1.6 * sheet.thickness
-    above = rest & (sheet.height > foot) & (sheet.height <= foot + 0.05 * size)
+    above = rest & (sheet.height > foot) & (sheet.height <= foot + 0.03 * size)
     result = np.zeros(len(inside), dtype=bool)
     if above.sum() < 3:
         return result
@@ -160,13 +163,13 @@ def _cells(plane: np.ndarray, cell: float) -> np.ndarray:
     return numbered
 
 
-def _wide(plane: np.ndarray, member: np.ndarray, cell: float) -> Bool[np.ndarray, " points"]:
-    """Members with members in most cells around, or right beside such a place: within five cells of filled area."""
-    index = np.floor((plane[member] - plane[member].min(axis=0)) / cell).astype(np.int64) + 2
-    grid = np.zeros(index.max(axis=0) + 3, dtype=np.float32)
+def _wide(plane: np.ndarray, member: np.ndarray, cell: float, around: int) -> Bool[np.ndarray, " points"]:
+    """Members in or beside cells that have members in most cells around, up to `around` cells away."""
+    index = np.floor((plane[member] - plane[member].min(axis=0)) / cell).astype(np.int64) + 1
+    grid = np.zeros(index.max(axis=0) + 2, dtype=np.float32)
     grid[index[:, 0], index[:, 1]] = 1.0
-    core = uniform_filter(grid, 5, mode="constant") > 0.7
-    grown = uniform_filter(core.astype(np.float32), 3, mode="constant") > 1e-3
+    core = uniform_filter(grid, 2 * around + 1, mode="constant") > 0.7
+    grown = uniform_filter(core.astype(np.float32), 2 * around - 1, mode="constant") > 1e-4
     result = np.zeros(len(plane), dtype=bool)
     result[np.flatnonzero(member)[grown[index[:, 0], index[:, 1]]]] = True
     return result

@@ -17,6 +17,9 @@ WALLED_FLOOR = 0.45
 WALLED_BACK = 0.7
 """The same at a wall: top and two legs of a table stand along three of four sides there, and it has no back."""
 
+LONGEST_FOOT = 0.33
+"""How far from a single column its foot may reach, as a share of the scan's size."""
+
 
 @dataclass(frozen=True)
 class Stub:
@@ -46,7 +49,7 @@ def floor_stub(
     """A sheet at the bottom that reaches beyond the object's footprint; None if there is none.
 
     A sheet that stays within the footprint is the object's own (plinth, bottom board, plate), and so is anything
-    narrow (feet, sled bars, a star base), and a round plate around a single column.
+    narrow (feet, sled bars, arms of a star), and what lies close around a single column.
 
     Args:
         reach: each point's distance to its neighbours, see `Neighbourhood`.
@@ -70,7 +73,7 @@ def floor_stub(
     beyond = sheet.area(out) / max(footprint, sheet.cell**2)
     if beyond < least_beyond or out.sum() < 0.08 * sheet.wide.sum():
         return None
-    if _is_plate(sheet, size):
+    if _is_foot(sheet, rest, size):
         return None
     removed = (sheet.inside | (sheet.height < -sheet.thickness)) & ~own_points(sheet, rest, size, WALLED_FLOOR)
     return Stub(removed, sheet, beyond)
@@ -160,17 +163,15 @@ def wall_directions(
     return directions
 
 
-def _is_plate(sheet: Sheet, size: float) -> bool:
-    """Whether the sheet is a round plate around one column that stands in its middle."""
-    disc = sheet.plane[sheet.wide]
-    center = (disc.min(axis=0) + disc.max(axis=0)) / 2
-    radius = float(np.linalg.norm(disc - center, axis=1).max())
-    covered = sheet.area(sheet.wide) / (np.pi * (radius + sheet.cell / 2) ** 2)
-    above = (sheet.height > 0.06 * size) & (sheet.height <= 0.2 * size)
-    if not above.any() or covered < 0.8 or radius > 0.3 * size:
+def _is_foot(sheet: Sheet, rest: np.ndarray, size: float) -> bool:
+    """Whether the sheet is the plate, ring or star under a single column, as of a swivel chair or a bar stool."""
+    above = rest & (sheet.height > 0.09 * size) & (sheet.height <= 0.2 * size)
+    if above.sum() < 3:
         return False
-    column = sheet.plane[above]
-    return bool(np.linalg.norm(column - center, axis=1).max() < 0.5 * radius)
+    center = np.median(sheet.plane[above], axis=0)
+    column = np.linalg.norm(sheet.plane[above] - center, axis=1)
+    foot = np.linalg.norm(sheet.plane[sheet.inside] - center, axis=1)
+    return bool(np.quantile(column, 0.9) < 0.08 * size and np.quantile(foot, 0.97) < LONGEST_FOOT * size)
 
 
 def _trimmed(plane: np.ndarray) -> np.ndarray:

@@ -117,7 +117,7 @@ def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
     sample = sample[distance <= np.quantile(distance, 0.99)]
     normals, planarity = estimate_normals(sample, None, 10)
     scores = {name: _standing(sample, normals, planarity, np.array(axis, float)) for name, axis in UP_AXES.items()}
-    for name, prior in {"y": 0.0, "z": 0.0, "-y": -0.35, "-z": -0.5, "x": -0.6, "-x": -0.6}.items():
+    for name, prior in {"y": 0.0, "z": 0.0, "-y": -0.5, "-z": -0.9, "x": -0.9, "-x": -0.9}.items():
         scores[name] += prior
     order = sorted(scores, key=lambda name: -scores[name])
     return order[:1] if scores[order[0]] - scores[order[1]] > 0.5 else order[:2]
@@ -204,7 +204,7 @@ def _ordered_quarters(points: np.ndarray, angle: float) -> list[float]:
 
 
 def _quarter_difference(angle: np.ndarray | float, other: float) -> np.ndarray:
-    return (np.asarray(angle) - other + QUARTER / 2) % QUARTER - QUARTER / 2
+    return np.asarray((np.asarray(angle) - other + QUARTER / 2) % QUARTER - QUARTER / 2)
 
 
 def _difference(angle: float, other: float) -> float:
