@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "fit": "Fit a CAD model to a scan: mesh, record and picture.",
+    "fit-depth": "Fit a CAD model to depth pictures of a known camera, and draw it over the photograph.",
+    "scene": "Fit a CAD model to every object of a scanned scene: one GLB, records and picture.",
     "demo": "Fit the bundled sample scan with the bundled models.",
     "database": "Build, change, search and describe a database of CAD models.",
     "data": "Generate synthetic furniture; describe mesh packs.",
@@ -30,6 +32,9 @@ COMMANDS = {
     "info": "Show versions, bundled models and the bundled database.",
 }
 """Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is asked for."""
+
+_MODULES = {"fit-depth": "depth"}
+"""Modules of commands whose name is no module's."""
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -54,8 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = _dispatch(words)
         sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print("kpred: stopped by Ctrl-C", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        print(f"kpred: stopped by Ctrl-C{f'; {error}' if error.args else ''}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
         # The reader of a pipe has gone: what is still in the buffer is of no use, and must not fail again at exit.
@@ -88,7 +93,7 @@ def _run(name: str, words: list[str]) -> int:
 
     from kpred.cli.output import Output
 
-    module = import_module(f"kpred.cli.{name}")
+    module = import_module(f"kpred.cli.{_MODULES.get(name, name)}")
     found: type[Command] | dict[str, type[Command]] = module.COMMAND
     if isinstance(found, dict):
         lines = {word: (kind.__doc__ or "").partition("\n")[0] for word, kind in found.items()}

@@ -14,8 +14,10 @@ import trimesh
 
 from kpred.database import Database
 from kpred.errors import ConfigError
+from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.hypotheses import Hypothesis, hypotheses, looks_partial
-from kpred.fitting.placement import frame_hypotheses, known_frame
+from kpred.fitting.placement import frame_hypotheses, known_frame, up_axis
+from kpred.fitting.pose import PoseEstimator
 from kpred.fitting.refine import RefineConfig
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Candidate, Fit, Metric
@@ -23,8 +25,14 @@ from kpred.nn import Model
 from kpred.ops import nearest_neighbours
 from kpred.shapes.scan import check_points, read_scan
 
+MOST_POINTS = 50_000
+"""Points of a scan that are cleaned; of a denser scan so many are taken at random."""
+
+SAMPLING_NOISE = 0.05
+"""Errors that differ by no more than this share are equal: another sample of the same surfaces would change as much."""
+
 SCAN_POINTS = 2048
-"""Points of a scan that a fit uses (N_P of the paper); a denser scan is sub-sampled at random."""
+"""Points of a scan that a fit uses (N_P of the paper); a denser scan is thinned."""
 
 
 def fit(
@@ -38,6 +46,8 @@ def fit(
     *,
     partial: bool | None = None,
     up: str = "y",
+    pose: PoseEstimator | str | None = None,
+    clean: bool | CleanConfig = True,
     seed: int = 0,
     refinement: RefineConfig | None = None,
 ) -> Fit:
@@ -53,9 +63,15 @@ def fit(
             whole object's unit box, which is the paper's protocol.
         refine: refine keypoints by least squares; False is the paper's protocol.
         partial: whether parts of the object are missing; None finds out.
-        up: the scan's up axis, one of x, y, z, -x, -y, -z (ignored with `frame="known"`).
+        up: the scan's up axis, one of x, y, z, -x, -y, -z, or `auto` (ignored with `frame="known"`).
+        pose: an estimator of the scan's rotation or its name (`identity`, `upright`, `given:FILE`); None tries the scan
+            as it stands and turned about its up axis.
+        clean: remove outliers, repeats, pieces of floor and wall, and even out the density first; with
+            `frame="known"` only if settings are given.
         seed: of the sub-sampling of dense scans.
         refinement: settings of the refinement.
+
+    The candidate of the lowest error is chosen; of those within 5 % of it, the one that had to be deformed least.
 
     Returns:
         The fit; `fit.mesh` is in the scan's own frame and units.
@@ -73,13 +89,20 @@ def fit(
     with clock("read"):
         name = "scan" if isinstance(scan, np.ndarray) else str(scan)
         cloud = scan if isinstance(scan, np.ndarray) else read_scan(scan, seed=seed)
-        points = _subsample(check_points(np.asarray(cloud, dtype=np.float64), name), seed)
+        points = _subsample(check_points(np.asarray(cloud, dtype=np.float64), name), MOST_POINTS, seed)
+    known = frame == "known"
+    with clock("clean"):
+        steps: tuple[CleaningStep, ...] = ()
+        if isinstance(clean, CleanConfig) or (clean and not known):
+            settings = clean if isinstance(clean, CleanConfig) else CleanConfig()
+            cleaned = clean_scan(points, "y" if known else up_axis(points, up), settings, seed=seed)
+            points, steps = cleaned.points, cleaned.steps
+        points = _subsample(points, SCAN_POINTS, seed)
     with clock("load"):
         networks, store = as_model(model), as_database(database)
         categories = shared_categories(networks, store, category)
-    known = frame == "known"
     with clock("frame"):
-        frames = [known_frame(points)] if known else frame_hypotheses(points, up)
+        frames = [known_frame(points)] if known else frame_hypotheses(points, up, pose)
     with clock("retrieve"):
         readings = hypotheses(points, frames, networks, store, categories, top_k, bool(partial), known)
     if partial is None:
@@ -98,7 +121,7 @@ def fit(
             refined_errors = refined.errors()
             chosen = Hypothesis(refined, chosen.frame, chosen.error)
     with clock("mesh"):
-        order = (feed_forward if refined_errors is None else refined_errors).argsort().tolist()
+        order = _order(chosen, feed_forward if refined_errors is None else refined_errors)
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
         meshes = _meshes(chosen, candidates[0], store)
         metrics = _metrics(chosen, candidates[0], order[0], known)
@@ -112,6 +135,7 @@ def fit(
         keypoints=chosen.frame.from_unit((keypoints + candidates[0].displacement).astype(np.float64)),
         confidence=chosen.candidates.confidence.numpy(),
         category_errors={reading.category: reading.error for reading in readings},
+        cleaning=steps,
         partial=bool(partial),
         refined=refine,
         frame_known=known,
@@ -135,10 +159,18 @@ class _Clock:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - started
 
 
-def _subsample(points: np.ndarray, seed: int) -> np.ndarray:
-    """At most SCAN_POINTS points, in random order, so that the first ones are a fair sample too."""
-    rows = np.random.default_rng(seed).permutation(len(points))[:SCAN_POINTS]
-    return points[rows]
+def _subsample(points: np.ndarray, most: int, seed: int) -> np.ndarray:
+    """At most `most` points, in random order, so that the first ones are a fair sample too."""
+    return points[np.random.default_rng(seed).permutation(len(points))[:most]]
+
+
+def _order(chosen: Hypothesis, errors: torch.Tensor) -> list[int]:
+    """Rows by error; of those that are as good as the best, the one that had to be deformed least comes first."""
+    moved = chosen.candidates.deformed() - chosen.candidates.points
+    deformation = moved.square().sum(-1).mean(1)
+    as_good = errors <= errors.min() * (1 + SAMPLING_NOISE)
+    first = int(torch.where(as_good, deformation, torch.inf).argmin())
+    return [first] + [row for row in errors.argsort().tolist() if row != first]
 
 
 def _candidates(

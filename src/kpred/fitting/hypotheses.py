@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -19,6 +19,9 @@ from kpred.ops.frames import Frame
 
 SCREEN = RefineConfig(iterations=3, points=256, prior=0.05)
 """Quick refinement by which hypotheses are compared."""
+
+SCREEN_POINTS = 512
+"""Points of the scan by which hypotheses are compared, in random order like all of them."""
 
 SCREENED = 3
 """Candidates of each hypothesis that are screened."""
@@ -72,22 +75,28 @@ def hypotheses(
     for category in categories:
         network = model[category]
         tried = whole_frames(points, frames, network) if partial and not frame_known else list(frames)
-        observation = observe(_clouds(points, tried), network, partial)
+        alone = len(tried) * len(categories) == 1
+        clouds = _clouds(points, tried)
+        observation = observe(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
         readings = []
         for row, frame in enumerate(tried):
             candidates = retrieve(observation, row, database, category, top_k, partial)
-            error = 0.0
-            if len(tried) * len(categories) > 1:
-                error = _screen(candidates) * (1.0 if row == 0 else TURN_PENALTY)
+            error = 0.0 if alone else _screen(candidates) * (1.0 if row == 0 else TURN_PENALTY)
             readings.append(Hypothesis(candidates, frame, error))
         found.append(min(readings, key=lambda reading: reading.error))
-    return sorted(found, key=lambda reading: reading.error)
+    found.sort(key=lambda reading: reading.error)
+    if not alone:
+        # The others were only compared; the best is read again with all points.
+        best = found[0]
+        observation = observe(_clouds(points, [best.frame]), model[best.category], partial)
+        found[0] = replace(best, candidates=retrieve(observation, 0, database, best.category, top_k, partial))
+    return found
 
 
 def whole_frames(points: np.ndarray, frames: Sequence[Frame], network: KPRed) -> list[Frame]:
     """Frames of the visible box -> frames of the box that the whole object is expected to have."""
     with torch.inference_mode():
-        corners, _ = network.whole_box(_clouds(points, frames)[:, :1024])
+        corners, _ = network.whole_box(_clouds(points, frames)[:, :SCREEN_POINTS])
     wholes = []
     for frame, (low, high) in zip(frames, corners.double().numpy(), strict=True):
         middle, half = (low + high) / 2, float((high - low).max() / 2)

@@ -10,6 +10,7 @@ from torch import Tensor
 from kpred.nn import KPRed
 from kpred.nn.keypoints import thinned
 
+
 @dataclass(frozen=True, eq=False)
 class Observation:
     """H hypotheses of one scan, unit-box coordinates.

@@ -9,8 +9,8 @@ from kpred.fitting.pose import PoseEstimator, UprightPose, pose_estimator
 from kpred.fitting.upright import SAME, find_up, upright_rotation
 from kpred.ops.frames import Frame, unit_box_frame
 
-YAWS = 5
-"""Turns tried beside the scan as it stands: four quarters, and one more direction's first."""
+YAWS = 4
+"""Turns tried beside the scan as it stands: the quarters of its likeliest direction."""
 
 
 def known_frame(points: np.ndarray) -> Frame:

@@ -24,6 +24,7 @@ class RefineConfig:
         iterations: rounds of nearest neighbours and least squares.
         points: points of the source and of the target used in each round (all of them are used for the final error).
         prior: weight of the pull toward the network's keypoints, as a share of the data term's mean diagonal.
+        finalists: candidates that are refined to the end; the others stop after a few quick rounds.
         robust: a point farther from its match than this many times the median distance counts less and less; 0 is off.
     """
 
@@ -31,6 +32,7 @@ class RefineConfig:
     points: int = 1024
     prior: float = 0.005
     robust: float = 8.0
+    finalists: int = 5
 
 
 def refine_keypoints(
@@ -41,21 +43,23 @@ def refine_keypoints(
     confidence: Float[Tensor, " keypoints"],
     config: RefineConfig,
     partial: bool,
+    network_displacement: Float[Tensor, "candidates keypoints 3"] | None = None,
 ) -> Float[Tensor, "candidates keypoints 3"]:
     """Displacements of the source keypoints that bring each candidate closer to the target; all in the unit box.
 
     Args:
         points: source points of every candidate; basis: their deformation basis B, so that S' = S + B d.
         target: the scan, one for all candidates or one for each.
-        displacement: the network's K_target - K_source, the start and the centre of the prior.
+        displacement: the start; the network's K_target - K_source unless that is given too.
         confidence: D_i in [0, 1]; a keypoint of low confidence in a partial scan is held more by its neighbours' prior.
+        network_displacement: the centre of the prior, where refinement goes on from another start.
         partial: only target-to-source distances count, since the unseen part of the source has nothing to match.
     """
     source_step = max(1, points.shape[1] // config.points)
     target_step = max(1, target.shape[-2] // config.points)
     few, few_basis = points[:, ::source_step], basis[:, ::source_step].contiguous()
     goal = target[..., ::target_step, :].expand(len(points), -1, -1).contiguous()
-    start, current = displacement, displacement
+    start, current = displacement if network_displacement is None else network_displacement, displacement
     hold = 1.0 + (1.0 - confidence) * (4.0 if partial else 0.0)
     for _ in range(config.iterations):
         moved = few + few_basis @ current

@@ -47,7 +47,7 @@ def shared_categories(model: Model, database: Database, category: str | None) ->
     """Categories that both know, or the one asked for.
 
     Raises:
-        DatabaseError: if the database was made by other weights.
+        DatabaseError: if the database was made by other weights, or is empty.
         ModelError: if the model does not know the category.
     """
     _check(model, database)
@@ -55,7 +55,10 @@ def shared_categories(model: Model, database: Database, category: str | None) ->
         model[category]
         return [category]
     stored = database.categories()
-    return [name for name in model.categories if name in stored]
+    shared = [name for name in model.categories if name in stored]
+    if not shared:
+        raise DatabaseError(f"Database {database.path} holds no models; add some with 'kpred database add'.")
+    return shared
 
 
 @lru_cache(maxsize=4)

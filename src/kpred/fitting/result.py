@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from kpred.fitting.cleaning import CleaningStep
 from kpred.ops.frames import Frame
 
 
@@ -58,11 +59,12 @@ class Fit:
     Attributes:
         mesh: the deformed CAD model in the scan's own frame and units.
         retrieved_mesh: the same model as it is in the database, placed in the scan's box.
-        source: the chosen candidate; candidates: all that were compared, best first.
+        source: the chosen candidate; candidates: it and the others that were compared, by error.
         frame: takes the scan into the unit box in which networks and distances work.
         keypoints: (keypoints, 3) of the fitted model, in the scan's frame and units.
         confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
         category_errors: error of the best quick fit of each category tried, unit box squared, best first.
+        cleaning: what each step of cleaning removed.
         partial: whether the scan was taken as partial (one-sided error, partial networks).
         refined: whether keypoints were refined; frame_known: whether the caller vouched for the frame.
         metrics: errors of the result, each with unit and frame.
@@ -77,6 +79,7 @@ class Fit:
     keypoints: np.ndarray
     confidence: np.ndarray
     category_errors: dict[str, float]
+    cleaning: tuple[CleaningStep, ...]
     partial: bool
     refined: bool
     frame_known: bool
@@ -94,6 +97,7 @@ class Fit:
             "model_id": self.source.model_id,
             "category": self.category,
             "category_errors": self.category_errors,
+            "cleaning": [step.__dict__ for step in self.cleaning],
             "partial": self.partial,
             "refined": self.refined,
             "frame_known": self.frame_known,

@@ -74,11 +74,15 @@ def yaw_hypotheses(points: Float[np.ndarray, "points 3"], most: int = 8) -> list
             merged.append([angle])
     scored = []
     for group in merged:
-        offset = np.abs(_quarter_difference(direction, group[0]))
-        aligned = float(weight[offset < np.radians(5)].sum()) / max(float(weight.sum()), 1e-9) if len(weight) else 0.0
+        offset = _quarter_difference(direction, group[0])
+        close = np.abs(offset) < np.radians(5)
+        aligned = float(weight[close].sum()) / max(float(weight.sum()), 1e-9)
         position = group[0] / QUARTER * len(sharp)
         score = float(sharp[int(round(position)) % len(sharp)] / sharp.max())
-        scored.append((aligned * min(1.0, float(weight.sum()) / 100.0) + score + 0.15 * (len(group) - 1), group[0]))
+        score += aligned * min(1.0, float(weight.sum()) / 100.0) + 0.15 * (len(group) - 1)
+        # Many normals tell the direction more precisely than two corners of the outline.
+        exact = group[0] + float(np.average(offset[close], weights=weight[close])) if close.sum() >= 50 else group[0]
+        scored.append((score, exact))
     scored.sort(key=lambda entry: -entry[0])
     turns: list[float] = []
     for _, angle in scored[: max(1, most // 4)]:
