@@ -60,7 +60,8 @@ def refine_keypoints(
     few, few_basis = points[:, ::source_step], basis[:, ::source_step].contiguous()
     goal = target[..., ::target_step, :].expand(len(points), -1, -1).contiguous()
     start, current = displacement if network_displacement is None else network_displacement, displacement
-    hold = 1.0 + (1.0 - confidence) * (4.0 if partial else 0.0)
+    # A partial scan says less: all keypoints are held more, and the unseen ones most.
+    hold = 4.0 + 16.0 * (1.0 - confidence) if partial else torch.ones_like(confidence)
     for _ in range(config.iterations):
         moved = few + few_basis @ current
         squared, index = nearest_neighbours(goal, moved)
