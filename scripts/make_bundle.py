@@ -119,7 +119,8 @@ def write_cards(evaluation: Path | None) -> None:
             f"| steps | {steps}; batch {training['deformation']['batch']} "
             f"(retrieval {training['retrieval']['batch']}) |",
             f"| seed | {training['seed']} |",
-            "| hardware | CPU, one or two cores |",
+            f"| command | {COMMAND.format(category=category, **training)} |",
+            "| hardware | CPU, one thread |",
             f"| cage, influence, keypoint head | {model['cage']}, {model['influence']}, {model['keypoint_head']} |",
             "",
             "Shapes of infinigen are output of Infinigen 1.15.5 (generator code BSD-3-Clause).",
@@ -145,6 +146,11 @@ def write_cards(evaluation: Path | None) -> None:
         (folder / "README.md").write_text("\n".join(lines))
 
 
+COMMAND = (
+    "`kpred train all INFINIGEN/{category}.npz GENERATED/{category}.npz --deformation.steps {deformation[steps]} "
+    "--retrieval.steps {retrieval[steps]} --retrieval.batch {retrieval[batch]} --partial.steps {partial[steps]}`, "
+    "stage by stage; the generated shapes are those of commit 2567e1e, the generator was mended a little since"
+)
 REPORTED = ("undeformed_nearest", "no_learning", "feed_forward", "refined", "sampling_floor")
 
 
