@@ -51,6 +51,8 @@ class TrainConfig:
         consistency_weight: asks that a deformed source has the keypoints it was deformed to (0 in the paper).
         ranking_weight: asks that token distances order sources as their deformation errors do (0 in the paper).
         partial_keypoint_weight: lambda_wkpt.
+        confidence_floor: least weight of a keypoint in the partial stage, however little of its region is seen (0.1 in
+            the published code, which leaves unseen keypoints almost unsupervised).
         partial_token_weight: tokens of a partial cloud toward those of the full shape, weighted by confidence.
         occlusion: least and greatest share of a target hidden in the partial stage.
         scanned: share of the partial stage's targets seen by a virtual depth camera rather than cut by a plane (0 in
@@ -81,6 +83,7 @@ class TrainConfig:
     consistency_weight: float = 0.2
     ranking_weight: float = 0.05
     partial_keypoint_weight: float = 20.0
+    confidence_floor: float = 0.5
     partial_token_weight: float = 1.0
     occlusion: tuple[float, float] = (0.25, 0.9)
     scanned: float = 0.5
@@ -116,6 +119,7 @@ PAPER = TrainConfig(
     consistency_weight=0.0,
     ranking_weight=0.0,
     partial_token_weight=0.0,
+    confidence_floor=0.1,
     scanned=0.0,
     box_weight=0.0,
     outliers=0.0,

@@ -219,8 +219,8 @@ class PartialStage(FrozenDeformer):
             confidence = network.confidence(seen, teacher)
             wanted = network.retrieval_tokens(target, teacher)
         keypoints = network.partial_keypoints(self._few(seen))
-        # The density floor keeps unseen keypoints from drifting freely.
-        weight = confidence.clamp(min=0.1)
+        # The floor keeps unseen keypoints from drifting freely.
+        weight = confidence.clamp(min=config.confidence_floor)
         difference = (keypoints - teacher).abs().mean(-1)
         rows = self.data.draw_sources(self.settings.batch, generator)
         deformed = self._deform(rows, keypoints)
