@@ -6,7 +6,8 @@ import numpy as np
 
 from kpred.errors import ConfigError
 from kpred.fitting.pose import PoseEstimator, UprightPose, pose_estimator
-from kpred.fitting.upright import SAME, find_up, upright_rotation
+from kpred.fitting.up_axis import find_up
+from kpred.fitting.upright import SAME, upright_rotation
 from kpred.ops.frames import Frame, unit_box_frame
 
 YAWS = 4

@@ -12,7 +12,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from kpred.errors import ConfigError
-from kpred.fitting.upright import find_up, upright_rotation, yaw_hypotheses, yaw_rotation
+from kpred.fitting.up_axis import find_up
+from kpred.fitting.upright import upright_rotation, yaw_hypotheses, yaw_rotation
 from kpred.ops.typing import Float
 
 ENTRY_POINTS = "kpred.pose_estimators"

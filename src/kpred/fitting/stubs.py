@@ -17,8 +17,11 @@ WALLED_FLOOR = 0.45
 WALLED_BACK = 0.7
 """The same at a wall: top and two legs of a table stand along three of four sides there, and it has no back."""
 
-LONGEST_FOOT = 0.33
+LONGEST_PLATE, LONGEST_ARM = 0.33, 0.5
 """How far from a single column its foot may reach, as a share of the scan's size."""
+
+STAR_SHARE = 0.42
+"""What the arms of a star cover at most of the disc around it."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +174,10 @@ def _is_foot(sheet: Sheet, rest: np.ndarray, size: float) -> bool:
     center = np.median(sheet.plane[above], axis=0)
     column = np.linalg.norm(sheet.plane[above] - center, axis=1)
     foot = np.linalg.norm(sheet.plane[sheet.inside] - center, axis=1)
-    return bool(np.quantile(column, 0.9) < 0.08 * size and np.quantile(foot, 0.97) < LONGEST_FOOT * size)
+    longest = float(np.quantile(foot, 0.97))
+    if np.quantile(column, 0.9) > 0.08 * size or longest > LONGEST_ARM * size:
+        return False
+    return longest < LONGEST_PLATE * size or sheet.area(sheet.inside) < STAR_SHARE * np.pi * longest**2
 
 
 def _trimmed(plane: np.ndarray) -> np.ndarray:

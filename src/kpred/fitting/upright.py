@@ -1,4 +1,4 @@
-"""Upright furniture: which way is up, and which yaws are worth trying, from the points alone."""
+"""Upright furniture: rotations of its up axis to y, and the yaws worth trying, from the points alone."""
 
 from __future__ import annotations
 
@@ -107,49 +107,6 @@ def rectangle_yaw(footprint: Float[np.ndarray, "points 2"]) -> float:
     return float(angles[area.argmin()])
 
 
-def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
-    """The axes that may point up, the most plausible first: at most two.
-
-    Furniture stands: its lowest points span an area that its middle lies over, on the floor if that was scanned too;
-    and it carries: level surfaces are large and face up. Files have y or z up, cameras -y; the others are only
-    believed on strong evidence.
-    """
-    rows = np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(np.int64)
-    sample = points[rows]
-    sample = sample - sample.mean(axis=0)
-    distance = np.linalg.norm(sample, axis=1)
-    sample = sample[distance <= np.quantile(distance, 0.99)]
-    normals, planarity = estimate_normals(sample, None, 10)
-    scores = {name: _standing(sample, normals, planarity, np.array(axis, float)) for name, axis in UP_AXES.items()}
-    for name, prior in {"y": 0.0, "z": 0.0, "-y": -0.5, "-z": -0.9, "x": -0.9, "-x": -0.9}.items():
-        scores[name] += prior
-    order = sorted(scores, key=lambda name: -scores[name])
-    return order[:1] if scores[order[0]] - scores[order[1]] > 0.5 else order[:2]
-
-
-def _standing(points: np.ndarray, normals: np.ndarray, planarity: np.ndarray, up: np.ndarray) -> float:
-    """How much a cloud looks like furniture that stands upright along `up`."""
-    height = points @ up
-    low, high = np.quantile(height, [0.005, 0.995])
-    level = (height - low) / max(float(high - low), np.finfo(float).tiny)
-    horizontal = np.abs(normals @ up)
-    flat = planarity > 0.3
-    # Level and upright surfaces against slanted ones, and level ones above the foot.
-    levels = float((flat & (horizontal > 0.95)).sum()) / max(int(flat.sum()), 1)
-    tops = flat & (horizontal > 0.95) & (level > 0.25)
-    ground = flat & (horizontal > 0.95) & (level < 0.05)
-    plane = points - height[:, None] * up
-    feet = level < 0.06
-    support = 0.0
-    if feet.sum() >= 3:
-        spread = np.linalg.norm(plane[feet] - plane[feet].mean(axis=0), axis=1).mean()
-        support = float(spread) / max(float(np.linalg.norm(plane - plane.mean(axis=0), axis=1).mean()), 1e-12)
-    bars = min(float(feet.mean()) / 0.06, 2.0)
-    tops_share = float(tops.sum()) / max(int(flat.sum()), 1)
-    ground_share = float(ground.sum()) / max(int(flat.sum()), 1)
-    return 0.8 * tops_share + 0.4 * levels + 0.5 * min(support, 1.2) - 0.25 * bars + 1.0 * ground_share
-
-
 def _wall_angles(normals: np.ndarray, planarity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Angles modulo a quarter turn, and weights, of the normals of vertical surfaces."""
     vertical = (np.abs(normals[:, 1]) < 0.25) & (planarity > 0.2)
@@ -194,7 +151,7 @@ def _ordered_quarters(points: np.ndarray, angle: float) -> list[float]:
     """The four turns of one direction: first those with the long side across and the high part at the back (-z)."""
     x, z = points[:, 0], points[:, 2]
     height = points[:, 1]
-    high = height > np.quantile(height, 0.8)
+    high = height >= np.quantile(height, 0.8)
     entries = []
     for quarter in range(4):
         turn = (angle + quarter * QUARTER + np.pi) % (2 * np.pi) - np.pi
