@@ -84,7 +84,8 @@ def test_full_numbers_are_those_of_the_fit(
         for target in _targets(packs, "chair"):
             points = _as_fit_sees_them(target.points)
             found = fit(points, model, store, "chair", 4, "known", refine, partial=False)
-            errors.append(found.source.final_error)
+            # Of equals a fit takes the least deformed; the evaluation takes the lowest error.
+            errors.append(min(candidate.final_error for candidate in found.candidates))
     measured = _value(rows, "refined" if refine else "feed_forward", "chair", 4)
     assert measured == pytest.approx(sum(errors) / len(errors), rel=1e-4)
 
@@ -96,9 +97,10 @@ def test_partial_numbers_are_those_of_the_fit(
     with Database.open(database) as store:
         for target in _targets(packs, "table"):
             found = fit(_as_fit_sees_them(target.visible(0.5)), model, store, "table", 4, "known", True, partial=True)
-            errors.append(found.source.final_error)
-            entry = store.entry(found.source.model_id)
-            result = entry.points + entry.point_basis @ found.source.displacement
+            best = min(found.candidates, key=lambda candidate: candidate.final_error)
+            errors.append(best.final_error)
+            entry = store.entry(best.model_id)
+            result = entry.points + entry.point_basis @ best.displacement
             whole.append((cKDTree(result).query(target.points.numpy())[0] ** 2).mean())
     assert _value(rows, "refined", "table", 4, 0.5) == pytest.approx(sum(errors) / len(errors), rel=1e-4)
     assert _value(rows, "refined_whole", "table", 4, 0.5) == pytest.approx(sum(whole) / len(whole), rel=1e-4)

@@ -97,7 +97,7 @@ def fit(
             settings = clean if isinstance(clean, CleanConfig) else CleanConfig()
             cleaned = clean_scan(points, "y" if known else up_axis(points, up), settings, seed=seed)
             points, steps = cleaned.points, cleaned.steps
-        points = _subsample(points, SCAN_POINTS, seed)
+        points = points[:SCAN_POINTS]
     with clock("load"):
         networks, store = as_model(model), as_database(database)
         categories = shared_categories(networks, store, category)
