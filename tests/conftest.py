@@ -4,7 +4,6 @@ from pathlib import Path
 
 from jaxtyping import install_import_hook
 
-
 # Must stand before the first import of kpred: every annotated function then checks its arguments and result.
 install_import_hook("kpred", "beartype.beartype")
 
