@@ -44,9 +44,7 @@ def nearest_reference(
     return torch.cat([f.values for f in found], dim=1), torch.cat([f.indices for f in found], dim=1)
 
 
-def squared_distance_matrix(
-    a: Float[Tensor, "batch a 3"], b: Float[Tensor, "batch b 3"]
-) -> Float[Tensor, "batch a b"]:
+def squared_distance_matrix(a: Float[Tensor, "batch a 3"], b: Float[Tensor, "batch b 3"]) -> Float[Tensor, "batch a b"]:
     """All squared distances, by differences: |a|^2 - 2ab + |b|^2 would lose half the digits of near neighbours."""
     x, y, z = ((a[:, :, None, axis] - b[:, None, :, axis]).square() for axis in range(3))
     return x + y + z
