@@ -12,9 +12,9 @@ from torch import Tensor
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve
 from kpred.fitting.observation import observe
-from kpred.fitting.refine import RefineConfig
+from kpred.fitting.refine import RefineConfig, refine_keypoints
 from kpred.nn import KPRed, Model
-from kpred.ops import nearest_neighbours
+from kpred.ops import nearest_neighbours, squared_distances
 from kpred.ops.frames import Frame
 
 SCREEN = RefineConfig(iterations=3, points=256, prior=0.05)
@@ -82,11 +82,12 @@ def hypotheses(
         alone = len(tried) * len(categories) == 1
         clouds = _clouds(points, tried)
         observation = observe(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
-        readings = []
-        for row, frame in enumerate(tried):
-            candidates = retrieve(observation, row, database, category, top_k, partial)
-            error = 0.0 if alone else _screen(candidates) * (1.0 if row == 0 else TURN_PENALTY)
-            readings.append(Hypothesis(candidates, frame, error))
+        candidates = [retrieve(observation, row, database, category, top_k, partial) for row in range(len(tried))]
+        errors = [0.0] if alone else _screen(candidates)
+        readings = [
+            Hypothesis(read, frame, error * (1.0 if row == 0 else TURN_PENALTY))
+            for row, (read, frame, error) in enumerate(zip(candidates, tried, errors, strict=True))
+        ]
         found.append(min(readings, key=lambda reading: reading.error))
     found.sort(key=lambda reading: reading.error)
     if not alone:
@@ -121,6 +122,28 @@ def _clouds(points: np.ndarray, frames: Sequence[Frame]) -> Tensor:
     return torch.stack([torch.from_numpy(frame.to_unit(points)).float() for frame in frames])
 
 
-def _screen(candidates: Candidates) -> float:
-    order = candidates.errors(most=256).argsort()[:SCREENED]
-    return float(candidates.refined(SCREEN, order).errors(most=512).min())
+def _screen(readings: Sequence[Candidates]) -> list[float]:
+    """Lowest error of each reading after a quick refinement of its best candidates, all readings in one batch.
+
+    Points are few and in random order; the models' are taken at even steps.
+    """
+    partial, count = readings[0].partial, len(readings[0].model_ids)
+    step = max(1, readings[0].points.shape[1] // SCREEN.points)
+    points = torch.cat([reading.points[:, ::step] for reading in readings])
+    basis = torch.cat([reading.basis[:, ::step] for reading in readings])
+    displacement = torch.cat([reading.displacement for reading in readings])
+    goals = torch.stack([reading.target[: SCREEN.points] for reading in readings]).repeat_interleave(count, 0)
+    confidence = torch.stack([reading.confidence for reading in readings]).repeat_interleave(count, 0)
+
+    def errors(rows: Tensor) -> Tensor:
+        result = points[rows] + basis[rows] @ displacement[rows]
+        forth = squared_distances(goals[rows], result).mean(1)
+        return forth if partial else forth + squared_distances(result, goals[rows]).mean(1)
+
+    everyone = torch.arange(len(points))
+    kept = errors(everyone).view(len(readings), count).topk(min(SCREENED, count), largest=False).indices
+    rows = (kept + count * torch.arange(len(readings))[:, None]).flatten()
+    displacement[rows] = refine_keypoints(
+        points[rows], basis[rows], displacement[rows], goals[rows], confidence[rows], SCREEN, partial
+    )
+    return errors(rows).view(len(readings), -1).amin(1).tolist()

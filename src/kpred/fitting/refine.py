@@ -40,7 +40,7 @@ def refine_keypoints(
     basis: Float[Tensor, "candidates points keypoints"],
     displacement: Float[Tensor, "candidates keypoints 3"],
     target: Float[Tensor, "target 3"] | Float[Tensor, "candidates target 3"],
-    confidence: Float[Tensor, " keypoints"],
+    confidence: Float[Tensor, " keypoints"] | Float[Tensor, "candidates keypoints"],
     config: RefineConfig,
     partial: bool,
     network_displacement: Float[Tensor, "candidates keypoints 3"] | None = None,
@@ -51,7 +51,8 @@ def refine_keypoints(
         points: source points of every candidate; basis: their deformation basis B, so that S' = S + B d.
         target: the scan, one for all candidates or one for each.
         displacement: the start; the network's K_target - K_source unless that is given too.
-        confidence: D_i in [0, 1]; a keypoint of low confidence in a partial scan is held more by its neighbours' prior.
+        confidence: D_i in [0, 1], for all candidates or for each; in a partial scan a keypoint of low confidence is
+            held more by the prior.
         network_displacement: the centre of the prior, where refinement goes on from another start.
         partial: only target-to-source distances count, since the unseen part of the source has nothing to match.
     """
