@@ -40,10 +40,12 @@ class GenerateCommand(Command):
     def run(self, output: Output) -> None:
         """Generate, write, print the numbers."""
         from kpred.errors import OutputError
+        from kpred.shapes.atomic import check_place
         from kpred.shapes.synthetic.generator import generate
 
         if self.output.suffix.lower() != ".npz":
             raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")
+        check_place(self.output)
         pack = generate(self.category, self.count, self.seed, cuboids=self.cuboids, splits=self.splits)
         pack.save(self.output)
         _print_packs(output, [(self.output, pack)])

@@ -43,20 +43,27 @@ class _Encoding(Command):
         is_new = not file.exists()
         shapes = open_shapes(source, self.category, self.split, report=unreadable.append)
         model = load_model(self.model)
-        with ProgressBar() as bar:
-            report = build_database(
-                file,
-                shapes,
-                model,
-                batch=self.batch,
-                seed=self.seed,
-                resume=resume,
-                progress=lambda done: bar.update("encoding models", done),
-            )
+        try:
+            with ProgressBar() as bar:
+                report = build_database(
+                    file,
+                    shapes,
+                    model,
+                    batch=self.batch,
+                    seed=self.seed,
+                    resume=resume,
+                    progress=lambda done: bar.update("encoding models", done),
+                )
+        except BaseException as error:
+            if is_new:
+                _drop_if_empty(file)
+            if isinstance(error, KeyboardInterrupt) and resume and file.exists():
+                raise KeyboardInterrupt(f"{file} is whole, and the same command goes on with it") from error
+            raise
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
         if not report.added and not report.skipped_present:
             if is_new:
-                file.unlink(missing_ok=True)
+                _drop_if_empty(file)
             why = left_out[0] if left_out else "no shape of that category and split is there"
             raise DatabaseError(f"{source}: nothing could be put into {file}; {why}")
         facts = {"path": file, "added": report.added, "present": report.skipped_present, "left_out": left_out}
@@ -209,6 +216,20 @@ class SearchCommand(Command):
         ]
         output.result(rows)
         output.table(f"models for {self.scan}", list(rows[0]), [list(row.values()) for row in rows])
+
+
+def _drop_if_empty(file: Path) -> None:
+    """Take back a database that was made for a build which then put nothing into it."""
+    from kpred.database import Database
+    from kpred.errors import DatabaseError
+
+    try:
+        with Database.open(file, read_only=True) as database:
+            empty = not len(database)
+    except DatabaseError:
+        return
+    if empty:
+        file.unlink(missing_ok=True)
 
 
 COMMAND: dict[str, type[Command]] = {

@@ -55,11 +55,12 @@ class EvaluateCommand(Command):
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation import evaluate, run_header, write_rows
         from kpred.nn import load_model
+        from kpred.shapes.atomic import check_place
 
         if not self.packs:
             raise UsageError("no pack was named; try `kpred evaluate FILE.npz`")
         if self.output is not None:
-            _check_folder(self.output)
+            check_place(self.output)
         model = load_model(self.model)
         left_out: list[str] = []
         with ProgressBar() as bar:
@@ -125,13 +126,6 @@ _SHORT = {
     "unilateral_chamfer_distance": "UCD",
     "unilateral_chamfer_distance_of_whole_surface": "UCD, whole",
 }
-
-
-def _check_folder(path: Path) -> None:
-    from kpred.errors import OutputError
-
-    if not path.parent.is_dir():
-        raise OutputError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
 
 
 COMMAND: type[Command] = EvaluateCommand

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,21 +21,24 @@ def check_output(path: Path, scan: Path) -> None:
     """Refuse an output file before any work is done for it.
 
     Raises:
-        OutputError: unknown extension, no such folder, or a file of the fit would overwrite the scan.
+        OutputError: unknown extension, a place that cannot be written, or a file of the fit would overwrite the scan.
     """
+    from kpred.shapes.atomic import check_place
     from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
 
     if path.suffix.lower() not in OUTPUT_EXTENSIONS:
         known = ", ".join(OUTPUT_EXTENSIONS)
         raise OutputError(f"Cannot write {path}: unknown extension {path.suffix!r}; use one of {known}.")
-    if not path.parent.is_dir():
-        raise OutputError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
+    for file in _files(path):
+        check_place(file)
     if any(file.exists() and scan.exists() and file.samefile(scan) for file in _files(path)):
         raise OutputError(f"Cannot write {path}: it would overwrite the scan {scan}; choose another name.")
 
 
 def write_files(fit: Fit, scan: np.ndarray, path: Path, *, scan_path: Path, picture: bool = True) -> list[Path]:
     """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
+
+    All of them or none: each waits under a temporary name until the others have been written.
 
     Raises:
         OutputError: a file cannot be written there.
@@ -41,17 +47,23 @@ def write_files(fit: Fit, scan: np.ndarray, path: Path, *, scan_path: Path, pict
     from kpred.shapes.atomic import atomic_path
 
     mesh_file, record_file, picture_file = _files(path)
-    write_mesh(mesh_file, fit.mesh)
     record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
-    with atomic_path(record_file) as temporary:
+    with ExitStack() as all_or_none:
+        scratch = Path(all_or_none.enter_context(TemporaryDirectory(prefix="kpred-"))) / "picture.png"
+        with_picture = picture and _drawn(fit, scan, scratch)
+        temporary = all_or_none.enter_context(atomic_path(record_file))
         temporary.write_text(json.dumps(plain(record), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    written = [mesh_file, record_file]
-    if picture:
-        from kpred.fitting.picture import save_picture
+        if with_picture:
+            temporary = all_or_none.enter_context(atomic_path(picture_file))
+            shutil.copyfile(scratch, temporary)
+        write_mesh(mesh_file, fit.mesh)
+    return [mesh_file, record_file, picture_file] if with_picture else [mesh_file, record_file]
 
-        if save_picture(fit, scan, picture_file):
-            written.append(picture_file)
-    return written
+
+def _drawn(fit: Fit, scan: np.ndarray, file: Path) -> bool:
+    from kpred.fitting.picture import save_picture
+
+    return save_picture(fit, scan, file)
 
 
 def describe(output: Output, fit: Fit, files: list[Path]) -> None:

@@ -23,6 +23,7 @@ class ProgressBar:
         )
 
         self._tasks: dict[str, int] = {}
+        console = Console(stderr=True)
         self._progress: Progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=12),
@@ -30,7 +31,8 @@ class ProgressBar:
             TextColumn("{task.fields[speed]}"),
             TimeRemainingColumn(elapsed_when_finished=True),
             TextColumn("{task.fields[note]}"),
-            console=Console(stderr=True),
+            console=console,
+            disable=not console.is_terminal,
         )
 
     def __enter__(self) -> ProgressBar:

@@ -62,24 +62,29 @@ class _TrainCommand(Command):
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}
-        with ProgressBar() as bar:
+        try:
+            with ProgressBar() as bar:
 
-            def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
-                last[stage] = losses
-                bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+                def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+                    last[stage] = losses
+                    bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
 
-            train(
-                packs,
-                dataclasses.replace(self.model, category=categories[0]),
-                self.training,
-                folder,
-                stages=self.stages,
-                device=_device(self.device),
-                source_split=self.source_split,
-                progress=bar.update,
-                report=report,
-                resume=self.resume,
-            )
+                train(
+                    packs,
+                    dataclasses.replace(self.model, category=categories[0]),
+                    self.training,
+                    folder,
+                    stages=self.stages,
+                    device=_device(self.device),
+                    source_split=self.source_split,
+                    progress=bar.update,
+                    report=report,
+                    resume=self.resume,
+                )
+        except KeyboardInterrupt as error:
+            if not any(folder.glob("*.checkpoint")):
+                raise
+            raise KeyboardInterrupt(f"{folder} keeps what was trained, and the same command goes on from it") from error
         seconds = time.perf_counter() - began
         weights = folder / "model"
         output.result({"model": weights, "category": categories[0], "seconds": seconds, "last_losses": last})

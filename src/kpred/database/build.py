@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kpred.database.connection import explained
+from kpred.database.connection import check_replaceable, explained
 from kpred.database.encode import PreparedMesh, encode_prepared, prepare_mesh
 from kpred.database.store import Database
 from kpred.errors import DatabaseError, MeshError
@@ -71,6 +71,7 @@ def build_database(
         database = Database.open(target) if target.exists() else Database.create(target)
         with database:
             return _Build(database, model, batch, seed, progress).run(shapes)
+    check_replaceable(target)
     with explained(target), tempfile.TemporaryDirectory(prefix=".kpred-", dir=target.parent) as folder:
         with Database.create(Path(folder) / target.name) as database:
             report = _Build(database, model, batch, seed, progress).run(shapes)

@@ -41,6 +41,18 @@ def create_file(path: Path, created_by: str) -> None:
             os.replace(temporary, path)
 
 
+def check_replaceable(path: Path) -> None:
+    """Refuse to write a new database over a file that is none; a damaged database may go. Raises DatabaseError."""
+    with explained(path):
+        if path.is_dir():
+            raise DatabaseError(f"Database {path} is a folder; give the database file itself.")
+        with open(path, "rb") as file:
+            start = file.read(72)
+    # SQLite keeps the application's id in the header, at byte 68.
+    if start and (start[: len(_MAGIC)] != _MAGIC or start[68:72] != APPLICATION_ID.to_bytes(4, "big")):
+        raise DatabaseError(f"Database {path} is not a kpred database and would be lost; choose another name.")
+
+
 def open_file(path: Path, read_only: bool, timeout: float) -> Engine:
     """An engine of one connection to an existing database, after checks that it is one that can be read.
 

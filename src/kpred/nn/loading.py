@@ -84,6 +84,8 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
             raise ModelError(f"The bundled weights are missing at {folder}; reinstall kpred.")
     else:
         folder, name = Path(name_or_path), str(name_or_path)
+        if folder.is_file():
+            raise ModelError(f"{folder} is a file; give the folder that holds {CONFIG_FILE} and {WEIGHTS_FILE}.")
         if not folder.is_dir():
             folder = _from_hub(name)
     if (folder / CONFIG_FILE).is_file():

@@ -60,12 +60,14 @@ class MeshPack:
             PackError: the file is missing, truncated, not an npz, or its arrays are not a pack's.
         """
         file = Path(path)
-        if not file.is_file():
+        if file.is_dir():
+            raise PackError(f"{file}: it is a folder; give the .npz file of a mesh pack.")
+        if not file.exists():
             raise PackError(f"{file}: there is no such file; give the .npz file of a mesh pack.")
         try:
             with np.load(file, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in archive.files}
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        except (OSError, ValueError, EOFError, LookupError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
             raise PackError(f"{file}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
         except (AttributeError, TypeError) as error:  # np.load of a bare .npy gives an array, which is no context
             raise PackError(f"{file}: it is a single array, not a mesh pack; give an .npz pack.") from error

@@ -30,6 +30,9 @@ _DENSE_AREA = 0.9
 _DENSE_EDGE = 0.05
 _ALWAYS_DENSE = 1_000_000
 
+# Sizes whose squares single precision cannot hold; no unit of length makes an object so small or so large.
+_SMALLEST, _LARGEST = 1e-18, 1e18
+
 # Width over length (as standard deviations) below which points count as lying on one line.
 _LINE = 1e-4
 
@@ -111,8 +114,9 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
     low, high = array.min(axis=0), array.max(axis=0)
     with np.errstate(over="ignore"):
         extent = float((high - low).max())
-        if not np.isfinite(extent):
-            raise ScanError(f"{name}: its coordinates are too large to be a scan; check its unit.")
+        if not _SMALLEST < extent < _LARGEST:
+            size = "large" if extent > 1 else "small"
+            raise ScanError(f"{name}: its coordinates are too {size} to be a scan; check its unit.")
     centred = (array - (low / 2 + high / 2)) / extent
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(centred.T)), 0.0))
     if spread[1] <= _LINE * spread[2]:

@@ -42,7 +42,7 @@ def npz_points(path: Path) -> Iterator[np.ndarray]:
                 raise ScanError(f"{path}: none of its arrays is named points, xyz or vertices; name one so.")
             with archive.open(f"{key}.npy") as stream:
                 yield from _array_points(stream, f"{path} ({key})")
-    except (zipfile.BadZipFile, zlib.error, KeyError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, KeyError, EOFError, NotImplementedError, RuntimeError) as error:
         raise ScanError(f"{path}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
 
 

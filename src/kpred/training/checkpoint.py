@@ -47,6 +47,9 @@ class Checkpoint:
             raise OutputError(
                 f"The checkpoint {path} cannot be written ({error}); free space or give another run folder."
             ) from error
+        except BaseException:  # a second Ctrl-C
+            scratch.unlink(missing_ok=True)
+            raise
 
     @classmethod
     def load(cls, path: Path, device: torch.device | str = "cpu") -> Checkpoint:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import torch
 
-from kpred.errors import CheckpointError, ConfigError
+from kpred.errors import CheckpointError, ConfigError, OutputError
 from kpred.nn import STAGES, KPRed, ModelConfig
+from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import TrainConfig
@@ -46,6 +48,7 @@ def train(
         ConfigError: if a stage does not exist, or one between two others is left out.
         CheckpointError: if an earlier stage was never trained in this folder, or its checkpoint does not fit.
         PackError: if the packs hold too few shapes.
+        OutputError: if the folder cannot be made or written.
     """
     unknown = set(stages) - set(STAGES)
     if unknown:
@@ -67,12 +70,30 @@ def train(
             )
         network.load_state_dict(checkpoint.weights)
     views = config.views if "partial" in stages else 0
-    data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress, views=views)
+    with _made(folder):
+        data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress, views=views)
     for stage in order:
         if stage in stages:
             train_stage(network, data, config, stage, folder, report=report, resume=resume)
     _record(folder, model_config, config, packs, len(data.sources), len(data.targets))
     return network
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make the run folder before the work that comes first takes its minutes; take it back if that work fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"Cannot make the run folder {folder}: {error.strerror}; choose another.") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(f"Cannot write into the run folder {folder}; change its permissions or choose another.")
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            folder.rmdir()  # only an empty one goes
+        raise
 
 
 def _record(
@@ -84,7 +105,5 @@ def _record(
         "training": config.to_dict(),
         "shapes": {"packs": [len(pack) for pack in packs], "sources": sources, "targets": targets},
     }
-    path = folder / "model" / "training.json"
-    scratch = path.with_suffix(".part")
-    scratch.write_text(json.dumps(values, indent=2) + "\n")
-    os.replace(scratch, path)
+    with atomic_path(folder / "model" / "training.json") as temporary:
+        temporary.write_text(json.dumps(values, indent=2) + "\n")
