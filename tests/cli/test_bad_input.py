@@ -401,12 +401,13 @@ def one_sentence(answer: dict[str, Any]) -> str:
 def writing_lines(files: Path, folder: Path) -> dict[str, list[object]]:
     """A line for every kind of output; the value after -o is what its sentence must name."""
     model = ["--model", files / "model", "--json"]
+    evaluate = ["evaluate", files / "table.npz", "--database", files / "tables.kpred"]
     fit = ["fit", files / "scan.ply", "--database", files / "tables.kpred", "--no-picture", "--partial", "no", *model]
     return {
         "mesh": [*fit, "-o", folder / "a.obj"],
         "pack": ["data", "generate", "chair", "-n", "24", "--json", "-o", folder / "a.npz"],
         "database": ["database", "build", files / "table.npz", *model, "-o", folder / "a.kpred"],
-        "rows": ["evaluate", files / "table.npz", "--split", "source", "--limit", "1", *model, "-o", folder / "a.json"],
+        "rows": [*evaluate, "--split", "source", "--limit", "1", *model, "-o", folder / "a.json"],
         "run": ["train", "deformation", files / "table.npz", *SMALL_TRAINING, "--json", "-o", folder / "run"],
     }
 

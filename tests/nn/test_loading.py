@@ -138,7 +138,7 @@ def test_places_without_a_model(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="no model folder"):
         load_model(tmp_path / "missing")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ModelError, match="no model folder"):
+    with pytest.raises(ModelError, match="file is a file; give the folder"):
         load_model(tmp_path / "file")
 
 

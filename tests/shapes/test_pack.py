@@ -119,7 +119,7 @@ def test_foreign_files_are_named(tmp_path):
         MeshPack.load(tmp_path / "one.npy")
     with pytest.raises(PackError, match="no such file"):
         MeshPack.load(tmp_path / "none.npz")
-    with pytest.raises(PackError, match="no such file"):
+    with pytest.raises(PackError, match="it is a folder"):
         MeshPack.load(tmp_path)
 
 

@@ -44,8 +44,11 @@ class Checkpoint:
             os.replace(scratch, path)
         except (OSError, RuntimeError) as error:
             scratch.unlink(missing_ok=True)
+            # torch's own error speaks of positions in a zip file; what the system said may stand behind it.
+            cause = error if isinstance(error, OSError) else error.__context__
+            reason = cause.strerror if isinstance(cause, OSError) and cause.strerror else "a part of it was not written"
             raise OutputError(
-                f"The checkpoint {path} cannot be written ({error}); free space or give another run folder."
+                f"The checkpoint {path} cannot be written ({reason}); free space or give another run folder."
             ) from error
         except BaseException:  # a second Ctrl-C
             scratch.unlink(missing_ok=True)
