@@ -30,7 +30,7 @@ fit = kpred.fit(scan.numpy(), category="chair", partial=True)
 fit.mesh.export(folder / "partial_fitted.obj")
 
 # How dense the scan is around each keypoint, 0 (unseen) to 1:
-print("confidence of the keypoints:", fit.confidence.round(2))
+print("confidence of the keypoints:", fit.keypoint_confidence.round(2))
 print(f"retrieved {fit.source.model_id}; wrote {folder / 'partial_fitted.obj'}")
 
 # The chair is known here, so that the result can be compared with all of it, the unseen part too.

@@ -127,7 +127,7 @@ def test_a_partial_scan_in_the_known_frame_gives_the_whole_chair(chair: np.ndarr
     assert fit.partial
     reach = fit.mesh.vertices.max(axis=0) - whole.max(axis=0)
     assert abs(reach[0]) < 0.35, "the unseen side must be there"
-    assert fit.confidence.min() < 0.5 < fit.confidence.max()
+    assert fit.keypoint_confidence.min() < 0.5 < fit.keypoint_confidence.max()
 
 
 def test_the_same_scan_gives_the_same_fit(chair: np.ndarray) -> None:

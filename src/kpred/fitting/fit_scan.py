@@ -50,6 +50,8 @@ def fit(
     clean: bool | CleanConfig = True,
     seed: int = 0,
     refinement: RefineConfig | None = None,
+    sensor: np.ndarray | None = None,
+    floor: float | None = None,
 ) -> Fit:
     """Find the CAD model that explains a scan of one object, and deform it to the scan.
 
@@ -70,6 +72,8 @@ def fit(
             `frame="known"` only if settings are given.
         seed: of the sub-sampling of dense scans.
         refinement: settings of the refinement.
+        sensor: (3,) or (S, 3) where the scanner stood, scan's frame; the result may not fill space it looked through.
+        floor: height of the floor along the up axis, scan's frame and unit, where it is known: the object stands on it.
 
     The candidate of the lowest error is chosen; of those within 5 % of it, the one that had to be deformed least.
 
@@ -133,7 +137,9 @@ def fit(
         candidates=candidates,
         frame=chosen.frame,
         keypoints=chosen.frame.from_unit((keypoints + candidates[0].displacement).astype(np.float64)),
-        confidence=chosen.candidates.confidence.numpy(),
+        keypoint_confidence=chosen.candidates.confidence.numpy(),
+        confidence=None,
+        category_confidence={},
         category_errors={reading.category: reading.error for reading in readings},
         cleaning=steps,
         partial=bool(partial),

@@ -62,7 +62,10 @@ class Fit:
         source: the chosen candidate; candidates: it and the others that were compared, by error.
         frame: takes the scan into the unit box in which networks and distances work.
         keypoints: (keypoints, 3) of the fitted model, in the scan's frame and units.
-        confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
+        keypoint_confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
+        confidence: probability that the result is right (`kpred.fitting.confidence`); None where it was not judged.
+        category_confidence: probability of each category tried, most likely first.
+        warnings: sentences about what may be wrong with the result, for people.
         category_errors: error of the best quick fit of each category tried, unit box squared, best first.
         cleaning: what each step of cleaning removed.
         partial: whether the scan was taken as partial (one-sided error, partial networks).
@@ -77,7 +80,9 @@ class Fit:
     candidates: tuple[Candidate, ...]
     frame: Frame
     keypoints: np.ndarray
-    confidence: np.ndarray
+    keypoint_confidence: np.ndarray
+    confidence: float | None
+    category_confidence: dict[str, float]
     category_errors: dict[str, float]
     cleaning: tuple[CleaningStep, ...]
     partial: bool
@@ -85,6 +90,7 @@ class Fit:
     frame_known: bool
     metrics: tuple[Metric, ...]
     timings: dict[str, float]
+    warnings: tuple[str, ...] = ()
 
     @property
     def category(self) -> str:
@@ -96,6 +102,9 @@ class Fit:
         return {
             "model_id": self.source.model_id,
             "category": self.category,
+            "confidence": self.confidence,
+            "warnings": list(self.warnings),
+            "category_confidence": self.category_confidence,
             "category_errors": self.category_errors,
             "cleaning": [step.__dict__ for step in self.cleaning],
             "partial": self.partial,
@@ -114,7 +123,7 @@ class Fit:
                 for candidate in self.candidates
             ],
             "keypoints": self.keypoints.tolist(),
-            "confidence": self.confidence.tolist(),
+            "keypoint_confidence": self.keypoint_confidence.tolist(),
             "unit_box_to_scan": self.frame.matrix().tolist(),
             "timings_seconds": self.timings,
         }
