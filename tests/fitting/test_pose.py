@@ -10,7 +10,7 @@ import torch
 
 from kpred.errors import ConfigError
 from kpred.fitting import pose
-from kpred.fitting.placement import frame_hypotheses
+from kpred.fitting.placement import placements
 from kpred.fitting.pose import IdentityPose, PoseEstimator, UprightPose, given_pose, pose_estimator
 from kpred.fitting.up_axis import find_up
 from kpred.fitting.upright import UP_AXES, rectangle_yaw, upright_rotation, yaw_hypotheses, yaw_rotation
@@ -227,8 +227,8 @@ def test_installed_packages_bring_estimators(monkeypatch: pytest.MonkeyPatch) ->
         pose_estimator("magic")
 
 
-def test_frames_of_the_simple_placement_still_hold(scans: list[tuple[str, np.ndarray]]) -> None:
-    scan = scans[0][1]
-    frames = frame_hypotheses(scan @ yaw_rotation(0.5).T)
-    assert np.allclose(frames[0].rotation, np.eye(3))
-    assert all(np.abs(frame.to_unit(scan @ yaw_rotation(0.5).T)).max() <= 1 + 1e-9 for frame in frames)
+def test_without_a_recognizer_a_scan_is_first_taken_as_it_stands(scans: list[tuple[str, np.ndarray]]) -> None:
+    found = placements(scans[0][1] @ yaw_rotation(0.5).T, "y", None, None, ["chair", "table"])
+    assert np.allclose(found[0].rotation, np.eye(3)) and found[0].log_odds == found[1].log_odds == 0
+    assert {reading.category for reading in found} == {"chair", "table"} and len(found) == 10
+    assert all(reading.log_odds < 0 for reading in found[2:])

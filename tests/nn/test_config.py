@@ -13,7 +13,8 @@ def test_round_trip_through_json_with_every_setting_changed() -> None:
     changed = ModelConfig(
         category="table", keypoints=8, token_size=16, radius=0.4, region_points=32, width=64, stages=3, heads=4,
         keypoint_head="regression", self_attention=False, deformation_aware=False, local_global=False,
-        confidence=False, influence="local", influence_neighbours=5, cage="pulled", cage_subdivisions=2, density=100.0,
+        confidence=False, partial_blocks=1, influence="local", influence_neighbours=5, cage="pulled",
+        cage_subdivisions=2, density=100.0,
     )  # fmt: skip
     plain = ModelConfig().to_dict()
     assert all(plain[key] != value for key, value in changed.to_dict().items()), "a setting was left unchanged"
@@ -53,7 +54,7 @@ def test_impossible_settings_are_refused(settings: dict[str, object]) -> None:
 
 
 def test_presets() -> None:
-    assert preset("kp-red-plus", "chair") == ModelConfig(category="chair")
+    assert preset("kp-red-plus", "chair") == ModelConfig(category="chair", partial_blocks=2)
     paper = preset("kp-red", "table")
     assert (paper.category, paper.keypoints, paper.token_size, paper.radius) == ("table", 12, 128, 0.3)
     assert (paper.keypoint_head, paper.influence, paper.influence_neighbours) == ("regression", "local", 5)

@@ -10,7 +10,8 @@ from kpred.errors import PackError
 from kpred.ops import icosphere, mean_value_coordinates, nearest_neighbours
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
-from kpred.training.data import TrainingData, prepare, random_factors, to_unit_box
+from kpred.training.augmentation import random_factors, to_unit_box
+from kpred.training.data import TrainingData, prepare
 from kpred.training.run import new_network
 
 

@@ -101,8 +101,9 @@ def test_switches_of_the_retrieval_loss(network, data, train_config, change, mod
 
 
 def test_switches_of_the_partial_loss(network, data, train_config, change) -> None:
-    assert set(_losses(network, data, train_config, "partial")[1]) == {"keypoints", "similarity", "tokens", "box"}
-    paper = change(train_config, partial_token_weight=0.0, box_weight=0.0, scanned=0.0)
+    terms = {"keypoints", "similarity", "whole", "tokens", "box"}
+    assert set(_losses(network, data, train_config, "partial")[1]) == terms
+    paper = change(train_config, partial_token_weight=0.0, box_weight=0.0, whole_weight=0.0, scanned=0.0)
     assert set(_losses(network, data, paper, "partial")[1]) == {"keypoints", "similarity"}
 
 

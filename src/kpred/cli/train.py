@@ -15,6 +15,7 @@ from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.nn.config import PRESETS, ModelConfig
 from kpred.training.config import PAPER, TrainConfig
+from kpred.training.recognition_config import RecognitionConfig
 
 STAGES = ("deformation", "retrieval", "partial")
 
@@ -37,6 +38,8 @@ class _TrainCommand(Command):
     """CPU threads; without it, as many as torch chooses"""
     source_split: Annotated[str | None, arg(metavar="NAME")] = None
     """Deform shapes of this split only (the paper: source)"""
+    start_from: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Take what the stages build on from these weights (`bundled`, a folder), and not from the run folder"""
     resume: Annotated[bool, arg(help_behavior_hint="")] = True
     """Start anew in a folder that holds a stopped run, and not where it stopped"""
     model: ModelConfig = field(default_factory=lambda: ModelConfig(category=""))
@@ -80,6 +83,7 @@ class _TrainCommand(Command):
                     progress=bar.update,
                     report=report,
                     resume=self.resume,
+                    start_from=self.start_from,
                 )
         except KeyboardInterrupt as error:
             if not any(folder.glob("*.checkpoint")):
@@ -146,8 +150,66 @@ class AllCommand(_TrainCommand):
     """
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecognitionCommand(Command):
+    """Train the recognizer, which tells category and yaw of a scan, on packs of all categories of a model.
+
+    Its weights go to FOLDER/model; as the folder `recognizer` beside the categories' folders of a model they are used.
+    A pack of the category `other` (`kpred data generate other`) shows what is none of them.
+
+    examples:
+      kpred train recognition chair.npz table.npz other.npz -o runs/recognizer
+      kpred train recognition packs/*.npz -o runs/recognizer --optimisation.steps 10000
+    """
+
+    packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
+    """Mesh packs (.npz) of all categories and of other things; the splits source and train are used"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")] = Path("runs/recognizer")
+    """Run folder: checkpoint, TensorBoard log, weights in FOLDER/model"""
+    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
+    """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
+    threads: Annotated[int | None, arg(metavar="N")] = None
+    """CPU threads; without it, as many as torch chooses"""
+    resume: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Start anew in a folder that holds a stopped run, and not where it stopped"""
+    training: Annotated[RecognitionConfig, arg(name="")] = field(default_factory=RecognitionConfig)
+
+    def run(self, output: Output) -> None:
+        """Train with a progress bar; print where the weights are."""
+        import torch
+
+        from kpred.cli.progress import ProgressBar
+        from kpred.shapes.pack import MeshPack
+        from kpred.training.recognition import train_recognizer
+
+        if not self.packs:
+            raise UsageError("no pack was named; try `kpred train recognition CHAIR.npz TABLE.npz -o FOLDER`")
+        if self.threads is not None:
+            torch.set_num_threads(self.threads)
+        last: dict[str, float] = {}
+        began = time.perf_counter()
+        with ProgressBar() as bar:
+
+            def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+                last.update(losses)
+                bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+
+            packs = [MeshPack.load(path) for path in self.packs]
+            network = train_recognizer(
+                packs, self.training, self.output, _device(self.device), bar.update, report, self.resume
+            )
+        seconds = time.perf_counter() - began
+        weights = self.output / "model"
+        output.result(
+            {"model": weights, "categories": network.config.categories, "seconds": seconds, "last_losses": last}
+        )
+        output.note(f"weights: {weights} ({', '.join(network.config.categories)}; {seconds:.0f} s)")
+
+
 def default(kind: type[Command], words: list[str]) -> Command:
     """The command with the settings of the preset that `words` name, for the single options to change."""
+    if kind is RecognitionCommand:
+        return RecognitionCommand(packs=())
     named = [b for a, b in zip(words, words[1:], strict=False) if a == "--preset"]
     named += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
     preset = named[-1] if named and named[-1] in PRESETS else "kp-red-plus"
@@ -178,4 +240,5 @@ COMMAND: dict[str, type[Command]] = {
     "retrieval": RetrievalCommand,
     "partial": PartialCommand,
     "all": AllCommand,
+    "recognition": RecognitionCommand,
 }

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -15,9 +16,10 @@ import trimesh
 from kpred.database import Database
 from kpred.errors import ConfigError
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
-from kpred.fitting.hypotheses import Hypothesis, hypotheses, looks_partial
-from kpred.fitting.placement import frame_hypotheses, known_frame, up_axis
+from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, looks_partial
+from kpred.fitting.placement import check_known_frame, judged, placements, up_axis
 from kpred.fitting.pose import PoseEstimator
+from kpred.fitting.recognise import Reading
 from kpred.fitting.refine import RefineConfig
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Candidate, Fit, Metric
@@ -30,6 +32,10 @@ MOST_POINTS = 50_000
 
 SAMPLING_NOISE = 0.05
 """Errors that differ by no more than this share are equal: another sample of the same surfaces would change as much."""
+
+MOST_READINGS = 5
+ODDS_RANGE = 5.0
+"""So many readings of a scan are tried, unless their log-odds are this much below the best."""
 
 SCAN_POINTS = 2048
 """Points of a scan that a fit uses (N_P of the paper); a denser scan is thinned."""
@@ -95,27 +101,38 @@ def fit(
         cloud = scan if isinstance(scan, np.ndarray) else read_scan(scan, seed=seed)
         points = _subsample(check_points(np.asarray(cloud, dtype=np.float64), name), MOST_POINTS, seed)
     known = frame == "known"
+    with clock("load"):
+        networks, store = as_model(model), as_database(database)
+        categories = shared_categories(networks, store, category)
+    with clock("up"):
+        up = "y" if known else up_axis(points, up, networks.recognizer)
     with clock("clean"):
         steps: tuple[CleaningStep, ...] = ()
         if isinstance(clean, CleanConfig) or (clean and not known):
             settings = clean if isinstance(clean, CleanConfig) else CleanConfig()
-            cleaned = clean_scan(points, "y" if known else up_axis(points, up), settings, seed=seed)
+            cleaned = clean_scan(points, up, settings, seed=seed)
             points, steps = cleaned.points, cleaned.steps
+            floor = cleaned.floor_height if floor is None else floor
         points = points[:SCAN_POINTS]
-    with clock("load"):
-        networks, store = as_model(model), as_database(database)
-        categories = shared_categories(networks, store, category)
     with clock("frame"):
-        frames = [known_frame(points)] if known else frame_hypotheses(points, up, pose)
+        if known:
+            check_known_frame(points)
+            readings = judged(points, [np.eye(3)], networks.recognizer, categories)
+        else:
+            readings = placements(points, up, pose, networks.recognizer, categories)
+        readings = worth_trying(readings, networks.recognizer is not None)
+    search = Search(networks, store, top_k, known, sensor, floor)
     with clock("retrieve"):
-        readings = hypotheses(points, frames, networks, store, categories, top_k, bool(partial), known)
+        # Whether a scan is partial is judged by the likeliest reading, or by all where nothing judged them.
+        few = readings[:1] if partial is None and networks.recognizer is not None else readings
+        tried = hypotheses(points, few, search, bool(partial))
     if partial is None:
         with clock("completeness"):
-            partial = looks_partial(readings[0])
-        if partial:
+            partial = looks_partial(tried[0])
+        if partial or len(few) < len(readings):
             with clock("retrieve"):
-                readings = hypotheses(points, frames, networks, store, categories, top_k, True, known)
-    chosen = readings[0]
+                tried = hypotheses(points, readings, search, partial)
+    chosen = tried[0]
     with clock("deform"):
         feed_forward = chosen.candidates.errors()
     refined_errors = None
@@ -123,7 +140,7 @@ def fit(
         with clock("refine"):
             refined = chosen.candidates.refined(refinement or RefineConfig())
             refined_errors = refined.errors()
-            chosen = Hypothesis(refined, chosen.frame, chosen.error)
+            chosen = replace(chosen, candidates=refined)
     with clock("mesh"):
         order = _order(chosen, feed_forward if refined_errors is None else refined_errors)
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
@@ -140,7 +157,7 @@ def fit(
         keypoint_confidence=chosen.candidates.confidence.numpy(),
         confidence=None,
         category_confidence={},
-        category_errors={reading.category: reading.error for reading in readings},
+        category_errors=_category_errors(tried),
         cleaning=steps,
         partial=bool(partial),
         refined=refine,
@@ -148,6 +165,13 @@ def fit(
         metrics=metrics,
         timings=clock.seconds,
     )
+
+
+def worth_trying(readings: Sequence[Reading], are_judged: bool) -> list[Reading]:
+    """Of readings by falling odds those that may still turn out best; all of them where nothing judged them."""
+    if not are_judged:
+        return list(readings)
+    return [reading for reading in readings[:MOST_READINGS] if reading.log_odds > readings[0].log_odds - ODDS_RANGE]
 
 
 class _Clock:
@@ -194,6 +218,13 @@ def _candidates(
         )
         for row in order
     )
+
+
+def _category_errors(tried: Sequence[Hypothesis]) -> dict[str, float]:
+    errors: dict[str, float] = {}
+    for one in tried:
+        errors.setdefault(one.category, one.error)
+    return errors
 
 
 def _meshes(chosen: Hypothesis, best: Candidate, database: Database) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:

@@ -1,7 +1,8 @@
-"""Category, yaw and box of a scan are hypotheses; the one whose quickly refined candidates fit best is taken."""
+"""Category, yaw and box of a scan are hypotheses; the one that is likely and whose quick fit is close is taken."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,9 +13,10 @@ from torch import Tensor
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve
 from kpred.fitting.observation import observe
+from kpred.fitting.recognise import Reading
 from kpred.fitting.refine import RefineConfig, refine_keypoints
 from kpred.nn import KPRed, Model
-from kpred.ops import nearest_neighbours, squared_distances
+from kpred.ops import nearest_neighbours, squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
 
 SCREEN = RefineConfig(iterations=3, points=256, prior=0.05)
@@ -26,8 +28,8 @@ SCREEN_POINTS = 512
 SCREENED = 3
 """Candidates of each hypothesis that are screened."""
 
-TURN_PENALTY = 1.1
-"""A scan is taken as it stands unless turning it lowers the error by more than this factor: stools have no front."""
+ERROR_WEIGHT = 3.0
+"""Odds fall with this power of the error of the quick fit."""
 
 UNSEEN_DISTANCE = 0.1
 UNSEEN_SHARE = 0.02
@@ -40,16 +42,19 @@ partial, while a full scan read as partial is no worse: when in doubt, a scan is
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One reading of the scan.
+    """One reading of the scan, tried.
 
     Attributes:
         candidates: retrieved and deformed models, in this frame's unit box.
-        frame: takes the scan into the unit box; error: by which readings are compared, unit box squared.
+        frame: takes the scan into the unit box.
+        error: of the best quick fit, unit box squared.
+        score: log of how likely the reading is, up to a constant: by the recognizer's odds and by the error.
     """
 
     candidates: Candidates
     frame: Frame
     error: float
+    score: float
 
     @property
     def category(self) -> str:
@@ -57,53 +62,81 @@ class Hypothesis:
         return self.candidates.category
 
 
-def hypotheses(
-    points: np.ndarray,
-    frames: Sequence[Frame],
-    model: Model,
-    database: Database,
-    categories: Sequence[str],
-    top_k: int,
-    partial: bool,
-    frame_known: bool,
-) -> list[Hypothesis]:
-    """The best frame for each category, best category first.
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What hypotheses are tried against.
+
+    Attributes:
+        model, database: the networks, and the models they encoded; top_k: candidates of each hypothesis.
+        frame_known: the scan lies in its whole object's unit box.
+        sensor: (S, 3) where the scanner stood, scan's frame; floor: height along the up axis, after `upright`.
+    """
+
+    model: Model
+    database: Database
+    top_k: int
+    frame_known: bool
+    sensor: np.ndarray | None = None
+    floor: float | None = None
+
+
+def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool) -> list[Hypothesis]:
+    """Every reading tried, the likeliest first.
 
     Args:
         points: (N, 3) the scan in its own frame and units.
-        frames: of the visible part's box, or the known one.
-        partial: partial networks and one-sided errors; unless the frame is known, each frame is first extended to the
-            box that the network expects of the whole object.
+        partial: partial networks and one-sided errors; unless the frame is known, the box is extended to the one that
+            the network expects of the whole object, which stands on the floor where that is known.
     """
-    found = []
-    for category in categories:
-        network = model[category]
-        tried = whole_frames(points, frames, network) if partial and not frame_known else list(frames)
-        alone = len(tried) * len(categories) == 1
-        clouds = _clouds(points, tried)
+    found: list[Hypothesis] = []
+    alone = len(readings) == 1
+    for category in dict.fromkeys(reading.category for reading in readings):
+        tried = [reading for reading in readings if reading.category == category]
+        network = search.model[category]
+        frames = _frames(points, tried, network, search, partial)
+        clouds = _clouds(points, frames)
         observation = observe(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
-        candidates = [retrieve(observation, row, database, category, top_k, partial) for row in range(len(tried))]
-        errors = [0.0] if alone else _screen(candidates)
-        readings = [
-            Hypothesis(read, frame, error * (1.0 if row == 0 else TURN_PENALTY))
-            for row, (read, frame, error) in enumerate(zip(candidates, tried, errors, strict=True))
+        candidates = [
+            retrieve(observation, row, search.database, category, search.top_k, partial) for row in range(len(tried))
         ]
-        found.append(min(readings, key=lambda reading: reading.error))
-    found.sort(key=lambda reading: reading.error)
+        errors = [1.0] if alone else _screen(candidates)
+        for reading, read, frame, error in zip(tried, candidates, frames, errors, strict=True):
+            # Errors are compared in the scan's unit: boxes differ between readings.
+            score = reading.log_odds - ERROR_WEIGHT * math.log(max(error * frame.scale**2, 1e-300))
+            found.append(Hypothesis(read, frame, error, score))
+    found.sort(key=lambda hypothesis: -hypothesis.score)
     if not alone:
-        # The others were only compared; the best is read again with all points.
+        # They were only compared; the best is read again with all points.
         best = found[0]
-        observation = observe(_clouds(points, [best.frame]), model[best.category], partial)
-        found[0] = replace(best, candidates=retrieve(observation, 0, database, best.category, top_k, partial))
+        observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
+        read = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
+        found[0] = replace(best, candidates=read)
     return found
 
 
-def whole_frames(points: np.ndarray, frames: Sequence[Frame], network: KPRed) -> list[Frame]:
-    """Frames of the visible box -> frames of the box that the whole object is expected to have."""
+def _frames(
+    points: np.ndarray, readings: Sequence[Reading], network: KPRed, search: Search, partial: bool
+) -> list[Frame]:
+    if search.frame_known:
+        return [Frame(center=np.zeros(3), scale=1.0) for _ in readings]
+    frames = [unit_box_frame(points, reading.rotation) for reading in readings]
+    return whole_frames(points, frames, network, search.floor) if partial else frames
+
+
+def whole_frames(
+    points: np.ndarray, frames: Sequence[Frame], network: KPRed, floor: float | None = None
+) -> list[Frame]:
+    """Frames of the visible box -> frames of the box that the whole object is expected to have.
+
+    `floor` is its height along the frames' y axis before they centre and scale; the box then stands on it.
+    """
     with torch.inference_mode():
         corners, _ = network.whole_box(_clouds(points, frames)[:, :SCREEN_POINTS])
     wholes = []
     for frame, (low, high) in zip(frames, corners.double().numpy(), strict=True):
+        if floor is not None:
+            level = (floor - float((frame.rotation @ frame.center)[1])) / frame.scale
+            low[1] = min(level, high[1] - 0.05)
         middle, half = (low + high) / 2, float((high - low).max() / 2)
         wholes.append(Frame(frame.from_unit(middle), frame.scale * half, frame.rotation))
     return wholes

@@ -1,54 +1,106 @@
-"""Where the scan stands: from hypotheses of its rotation to frames of its visible box."""
+"""Where the scan stands: its up axis, and the ways in which it may be turned and read."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from kpred.errors import ConfigError
 from kpred.fitting.pose import PoseEstimator, UprightPose, pose_estimator
-from kpred.fitting.up_axis import find_up
-from kpred.fitting.upright import SAME, upright_rotation
-from kpred.ops.frames import Frame, unit_box_frame
+from kpred.fitting.recognise import POINTS, Reading, ask, readings, recognised
+from kpred.fitting.up_axis import up_scores
+from kpred.fitting.upright import SAME, upright_rotation, yaw_rotation
+from kpred.nn import Recognizer
 
 YAWS = 4
-"""Turns tried beside the scan as it stands: the quarters of its likeliest direction."""
+"""Turns tried without a recognizer beside the scan as it stands: the quarters of its likeliest direction."""
+
+TURN_ODDS = -0.3
+"""Log-odds, without a recognizer, of a scan that must be turned: stools have no front, and are taken as they stand."""
+
+TRIED_AXES = 3
+"""Up axes that the recognizer is asked about, the likeliest first."""
+
+RECOGNIZER_SHARE = 1.0
+"""Weight of the recognizer's log-odds beside those of the geometric evidence for an up axis."""
 
 
-def known_frame(points: np.ndarray) -> Frame:
-    """The scan is canonical already: y up, front +z, in the unit box of its whole object."""
+def check_known_frame(points: np.ndarray) -> None:
+    """The scan is canonical already: y up, front +z, in the unit box of its whole object.
+
+    Raises:
+        ConfigError: if it reaches far beyond that box.
+    """
     if np.abs(points).max() > 1.5:
         raise ConfigError(
             "frame='known' takes a scan inside its object's unit box [-1, 1]^3, but this one reaches "
             f"{np.abs(points).max():.3g}; use frame='auto'."
         )
-    return Frame(center=np.zeros(3), scale=1.0)
 
 
-def up_axis(points: np.ndarray, up: str) -> str:
-    """The axis itself, or the likeliest one where it is "auto"."""
-    return find_up(points)[0] if up == "auto" else up
+def up_axis(points: np.ndarray, up: str, recognizer: Recognizer | None = None) -> str:
+    """The axis itself, or the likeliest one where it is "auto": by geometry and by what the recognizer sees then.
+
+    Raises:
+        ConfigError: if `up` is no axis name.
+    """
+    if up != "auto":
+        upright_rotation(up)
+        return up
+    scores = up_scores(points)
+    order = sorted(scores, key=lambda name: -scores[name])
+    if recognizer is None:
+        return order[0]
+    turns = [yaw_rotation(turn) for turn in np.radians(np.arange(0, 360, 30))]
+    total = {}
+    for name in order[:TRIED_AXES]:
+        odds, _ = ask(points[:POINTS], [turn @ upright_rotation(name) for turn in turns], recognizer)
+        total[name] = scores[name] + RECOGNIZER_SHARE * float(odds.max())
+    return max(total, key=lambda name: total[name])
 
 
-def frame_hypotheses(points: np.ndarray, up: str = "y", pose: PoseEstimator | str | None = None) -> list[Frame]:
-    """Unit-box frames worth trying; each holds the scan's own box, which of a partial scan is the visible part's.
+def placements(
+    points: np.ndarray,
+    up: str,
+    pose: PoseEstimator | str | None,
+    recognizer: Recognizer | None,
+    categories: Sequence[str],
+) -> list[Reading]:
+    """Rotations and categories worth trying, the likeliest first.
 
     Args:
-        points: (N, 3) in any unit; up: its up axis, or "auto".
-        pose: an estimator, its name, or None: the scan as it stands, then turned about its up axis.
+        points: (N, 3) in any unit; up: the up axis, as `up_axis` gives it.
+        pose: an estimator or its name; None: the recognizer finds the yaw, or, without one, the scan is taken as it
+            stands and turned by the quarters of its likeliest direction.
+        recognizer: used if it knows all of the categories.
 
     Raises:
         ConfigError: if `up` is no axis name, or there is no such estimator.
-        ScanError: if the points have no extent.
     """
+    judge = recognizer if recognizer is not None and set(categories) <= set(recognizer.config.categories) else None
+    if pose is None and judge is not None:
+        return recognised(points, upright_rotation(up), judge, categories)
     if pose is not None:
-        estimator = pose_estimator(pose) if isinstance(pose, str) else pose
-        rotations = estimator(points, up)
+        rotations = (pose_estimator(pose) if isinstance(pose, str) else pose)(points, up)
     else:
-        rotations = [upright_rotation(up_axis(points, up))]
+        rotations = [upright_rotation(up)]
         for rotation in UprightPose(most=YAWS)(points, up):
             if all(_angle_between(rotation, other) > SAME for other in rotations):
                 rotations.append(rotation)
-    return [unit_box_frame(points, rotation) for rotation in rotations]
+    return judged(points, rotations, judge, categories)
+
+
+def judged(
+    points: np.ndarray, rotations: Sequence[np.ndarray], recognizer: Recognizer | None, categories: Sequence[str]
+) -> list[Reading]:
+    """Every given rotation with every category, with the recognizer's odds where there is one."""
+    if recognizer is not None and set(categories) <= set(recognizer.config.categories):
+        columns = [recognizer.config.categories.index(name) for name in categories]
+        return readings(rotations, ask(points[:POINTS], rotations, recognizer)[0][:, columns], categories)
+    odds = np.full((len(rotations), len(categories)), TURN_ODDS)
+    odds[0] = 0.0
+    return readings(rotations, odds, categories)
 
 
 def _angle_between(a: np.ndarray, b: np.ndarray) -> float:

@@ -31,13 +31,20 @@ def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
     Furniture stands: its lowest points span an area that its middle lies over, on the floor if that was scanned too;
     its surfaces are level or upright, and those that carry are well above its feet.
     """
+    scores = up_scores(points)
+    order = sorted(scores, key=lambda name: -scores[name])
+    return order[:1] if scores[order[0]] - scores[order[1]] > SURE else order[:2]
+
+
+def up_scores(points: Float[np.ndarray, "points 3"]) -> dict[str, float]:
+    """Log-odds of each axis (x, y, z, -x, -y, -z) for pointing up, up to a constant."""
     rows = np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(np.int64)
     sample = points[rows] - points[rows].mean(axis=0)
     distance = np.linalg.norm(sample, axis=1)
     sample = sample[distance <= np.quantile(distance, 0.99)]
     size = 2.0 * float(distance.max())
     if len(sample) < 64 or size <= 0:
-        return ["y", "z"]
+        return dict(PRIOR)
     sample = sample / size
     reach = neighbourhood(sample).reach
     scores = {}
@@ -48,8 +55,7 @@ def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
         scores[name] = PRIOR[name] + (0.0 if floor is None else FLOOR)
         if len(object_points) >= 64:
             scores[name] += float(_evidence(object_points, up) @ WEIGHTS)
-    order = sorted(scores, key=lambda name: -scores[name])
-    return order[:1] if scores[order[0]] - scores[order[1]] > SURE else order[:2]
+    return scores
 
 
 def _evidence(points: np.ndarray, up: np.ndarray) -> np.ndarray:

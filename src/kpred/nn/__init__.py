@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kpred.nn.config import PRESETS, ModelConfig, preset
-    from kpred.nn.loading import Model, load_model, load_network, save_network
+    from kpred.nn.loading import Model, load_model, load_network, load_recognizer, save_network, save_recognizer
     from kpred.nn.model import STAGES, KPRed
+    from kpred.nn.recognizer import Recognizer, RecognizerConfig
 
 __all__ = [
     "PRESETS",
@@ -14,10 +15,14 @@ __all__ = [
     "KPRed",
     "Model",
     "ModelConfig",
+    "Recognizer",
+    "RecognizerConfig",
     "load_model",
     "load_network",
+    "load_recognizer",
     "preset",
     "save_network",
+    "save_recognizer",
 ]
 
 _HOME = {
@@ -26,10 +31,14 @@ _HOME = {
     "KPRed": "kpred.nn.model",
     "Model": "kpred.nn.loading",
     "ModelConfig": "kpred.nn.config",
+    "Recognizer": "kpred.nn.recognizer",
+    "RecognizerConfig": "kpred.nn.recognizer",
     "load_model": "kpred.nn.loading",
     "load_network": "kpred.nn.loading",
+    "load_recognizer": "kpred.nn.loading",
     "preset": "kpred.nn.config",
     "save_network": "kpred.nn.loading",
+    "save_recognizer": "kpred.nn.loading",
 }
 
 

@@ -24,6 +24,8 @@ class ModelConfig:
         heads: attention heads.
         keypoint_head: `regression` from the global feature (the paper's), or `voting`: every point votes for every
             keypoint's place and the votes are averaged by learned weights.
+        partial_blocks: context blocks of the keypoint predictor for partial scans, if it votes; the box predictor has
+            one if this is not 0.
         self_attention: GSA; without it influence and tokens come from one global PointNet feature.
         deformation_aware: DAR; without it the retrieval tokens are trained on reconstruction alone (Psi_1).
         local_global: LGF; without it one global feature is the retrieval token.
@@ -45,6 +47,7 @@ class ModelConfig:
     stages: int = 2
     heads: int = 2
     keypoint_head: Literal["regression", "voting"] = "voting"
+    partial_blocks: int = 0
     self_attention: bool = True
     deformation_aware: bool = True
     local_global: bool = True
@@ -59,6 +62,8 @@ class ModelConfig:
         for name in ("keypoints", "token_size", "region_points", "width", "stages", "heads", "influence_neighbours"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"Model setting {name} must be at least 1, but is {getattr(self, name)}.")
+        if self.partial_blocks < 0:
+            raise ConfigError(f"Model setting partial_blocks must not be negative, but is {self.partial_blocks}.")
         if self.width % self.heads:
             raise ConfigError(f"Model setting width ({self.width}) must be a multiple of heads ({self.heads}).")
         if not 0 < self.radius <= 2:
@@ -102,7 +107,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "region_points": 192,
         "stages": 3,
     },
-    "kp-red-plus": {},
+    "kp-red-plus": {"partial_blocks": 2},
 }
 """Named architectures: the paper's, and this project's default."""
 

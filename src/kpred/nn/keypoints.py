@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from kpred.nn.config import ModelConfig
+from kpred.nn.context import ContextBlock
 from kpred.ops.typing import Float
 
 INFERENCE_POINTS = 1024
@@ -23,9 +24,10 @@ class KeypointPredictor(nn.Module):
 
     `regression` is the published head. `voting` gives each point a say in each keypoint: K_i = sum_p w_ip (p + o_ip)
     with softmax weights over the points. Being anchored to the points, it follows proportions never seen in training.
+    `blocks` more rounds of pooling (voting only) are for partial clouds, whose unseen part only the whole cloud tells.
     """
 
-    def __init__(self, config: ModelConfig) -> None:
+    def __init__(self, config: ModelConfig, blocks: int = 0) -> None:
         super().__init__()
         self.config = config
         self.local = nn.ModuleList([nn.Linear(3, 64), nn.Linear(64, 128)])
@@ -36,6 +38,7 @@ class KeypointPredictor(nn.Module):
             self.output = nn.Linear(256, 3 * config.keypoints)
         else:
             self.mix_local, self.mix_shape = nn.Linear(128, 128), nn.Linear(256, 128, bias=False)
+            self.context = nn.ModuleList([ContextBlock(128) for _ in range(blocks)])
             self.head = nn.ModuleList([nn.Linear(128, 128)])
             self.output = nn.Linear(128, 4 * config.keypoints)
 
@@ -52,6 +55,8 @@ class KeypointPredictor(nn.Module):
                 shape = functional.leaky_relu(layer(shape), 0.1)
             return self.output(shape).unflatten(1, (self.config.keypoints, 3)).clamp(-1.2, 1.2)
         mixed = functional.leaky_relu(self.mix_local(features) + self.mix_shape(shape)[:, None], 0.1)
+        for block in self.context:
+            mixed = block(mixed)
         for layer in self.head:
             mixed = functional.leaky_relu(layer(mixed), 0.1)
         votes = self.output(mixed)

@@ -5,29 +5,40 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any, TypeVar
 
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
+from torch import nn
 
 from kpred.errors import ConfigError, ModelError, OutputError
 from kpred.nn.config import ModelConfig
 from kpred.nn.model import KPRed
+from kpred.nn.recognizer import Recognizer, RecognizerConfig
+
+Network = TypeVar("Network", bound=nn.Module)
 
 CONFIG_FILE = "config.json"
+RECOGNIZER = "recognizer"
+"""Folder of the recognizer beside the categories' folders."""
 WEIGHTS_FILE = "model.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
 class Model(Mapping[str, KPRed]):
-    """Networks of one or several categories under one name; a mapping from category to `KPRed`."""
+    """Networks of one or several categories under one name; a mapping from category to `KPRed`.
+
+    `recognizer` tells category and yaw of a scan, where the model has one; without it both are found by fitting.
+    """
 
     name: str
     networks: dict[str, KPRed]
+    recognizer: Recognizer | None = None
 
     def __getitem__(self, category: str) -> KPRed:
         """The category's networks.
@@ -62,6 +73,8 @@ class Model(Mapping[str, KPRed]):
         """The same model with its networks on `device` (moved in place)."""
         for network in self.networks.values():
             network.to(device)
+        if self.recognizer is not None:
+            self.recognizer.to(device)
         return self
 
 
@@ -73,7 +86,8 @@ def bundled_model_path() -> Path:
 def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
     """Load weights: None or "bundled" for those of the package, else a folder, else a Hugging Face Hub repository.
 
-    A folder holds config.json and model.safetensors of one category, or one such folder a category.
+    A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there is
+    one, `recognizer`.
 
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
@@ -91,11 +105,12 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)
         return Model(name, {network.config.category: network})
-    parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file())
+    parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file() and part.name != RECOGNIZER)
     if not parts:
         raise ModelError(f"No weights in {folder}: expected {CONFIG_FILE} and {WEIGHTS_FILE}, or a folder a category.")
     networks = {network.config.category: network for network in (load_network(part, device) for part in parts)}
-    return Model(name, networks)
+    with_recognizer = (folder / RECOGNIZER / CONFIG_FILE).is_file()
+    return Model(name, networks, load_recognizer(folder / RECOGNIZER, device) if with_recognizer else None)
 
 
 def load_network(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> KPRed:
@@ -104,12 +119,24 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
     Raises:
         ModelError: if a file is missing, truncated or does not fit the other.
     """
-    folder = Path(folder)
+    return _load(Path(folder), lambda values: KPRed(ModelConfig.from_dict(values)), device)
+
+
+def load_recognizer(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> Recognizer:
+    """A recognizer from its folder, in evaluation mode, single precision, without gradients.
+
+    Raises:
+        ModelError: if a file is missing, truncated or does not fit the other.
+    """
+    return _load(Path(folder), lambda values: Recognizer(RecognizerConfig.from_dict(values)), device)
+
+
+def _load(folder: Path, build: Callable[[dict[str, Any]], Network], device: torch.device | str) -> Network:
     try:
         values = json.loads((folder / CONFIG_FILE).read_text())
         if not isinstance(values, dict):
             raise ConfigError("this is not a kpred model config; train or copy it again.")
-        config = ModelConfig.from_dict(values)
+        network = build(values)
         weights = load_file(folder / WEIGHTS_FILE, device=str(device))
     except FileNotFoundError as error:
         raise ModelError(
@@ -123,7 +150,6 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
         raise ModelError(f"{folder / WEIGHTS_FILE} is truncated or no safetensors file; copy it again.") from error
     except ConfigError as error:
         raise ModelError(f"{folder / CONFIG_FILE}: {error}") from error
-    network = KPRed(config)
     try:
         network.load_state_dict({key: value.float() for key, value in weights.items()})
     except RuntimeError as error:
@@ -138,14 +164,25 @@ def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = Tr
     Raises:
         OutputError: if the folder cannot be written.
     """
-    folder = Path(folder)
-    dtype = torch.float16 if half else torch.float32
+    _save(network, network.config.to_dict(), Path(folder), torch.float16 if half else torch.float32)
+
+
+def save_recognizer(network: Recognizer, folder: str | os.PathLike[str]) -> None:
+    """Write config.json and model.safetensors in half precision, each file atomically.
+
+    Raises:
+        OutputError: if the folder cannot be written.
+    """
+    _save(network, network.config.to_dict(), Path(folder), torch.float16)
+
+
+def _save(network: nn.Module, config: dict[str, Any], folder: Path, dtype: torch.dtype) -> None:
     tensors = {key: value.detach().cpu().to(dtype).contiguous() for key, value in network.state_dict().items()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             save_file(tensors, Path(scratch) / WEIGHTS_FILE)
-            (Path(scratch) / CONFIG_FILE).write_text(json.dumps(network.config.to_dict(), indent=2) + "\n")
+            (Path(scratch) / CONFIG_FILE).write_text(json.dumps(config, indent=2) + "\n")
             for name in (WEIGHTS_FILE, CONFIG_FILE):
                 os.chmod(Path(scratch) / name, 0o644)
                 os.replace(Path(scratch) / name, folder / name)

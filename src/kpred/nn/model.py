@@ -33,9 +33,9 @@ class KPRed(nn.Module):
         self.influence_predictor = InfluencePredictor(config)
         self.retrieval_encoder = RetrievalEncoder(config)
         self.region_decoder = RegionDecoder(config)
-        self.partial_keypoint_predictor = KeypointPredictor(config)
+        self.partial_keypoint_predictor = KeypointPredictor(config, config.partial_blocks)
         self.partial_retrieval_encoder = RetrievalEncoder(config)
-        self.box_predictor = BoxPredictor()
+        self.box_predictor = BoxPredictor(min(1, config.partial_blocks))
 
     def keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
         """Semantic keypoints of full shapes (Phi_full)."""
@@ -92,7 +92,9 @@ class KPRed(nn.Module):
 
     def fingerprint(self) -> str:
         """Hash of the config and of the weights (at half precision, as stored) that make tokens and bases."""
-        digest = hashlib.sha256(repr(sorted(self.config.to_dict().items())).encode())
+        # What only partial scans are read by makes nothing that a database holds.
+        settings = [(key, value) for key, value in sorted(self.config.to_dict().items()) if key != "partial_blocks"]
+        digest = hashlib.sha256(repr(settings).encode())
         for name in ("keypoint_predictor", "influence_predictor", "retrieval_encoder"):
             for key, value in sorted(getattr(self, name).state_dict().items()):
                 digest.update(key.encode())

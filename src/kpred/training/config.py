@@ -54,6 +54,10 @@ class TrainConfig:
         confidence_floor: least weight of a keypoint in the partial stage, however little of its region is seen (0.1 in
             the published code, which leaves unseen keypoints almost unsupervised).
         partial_token_weight: tokens of a partial cloud toward those of the full shape, weighted by confidence.
+        whole_weight: weight, in the partial stage, of the distance from the whole target's surface to the result:
+            what is not seen is known in training (0 in the paper).
+        frame_jitter: standard deviation by which the partial stage's frames are off in place and (as a factor) in
+            size, for half of its targets; nobody knows a real scan's frame exactly (0 in the paper).
         occlusion: least and greatest share of a target hidden in the partial stage.
         scanned: share of the partial stage's targets seen by a virtual depth camera rather than cut by a plane (0 in
             the paper).
@@ -85,6 +89,8 @@ class TrainConfig:
     partial_keypoint_weight: float = 20.0
     confidence_floor: float = 0.5
     partial_token_weight: float = 1.0
+    whole_weight: float = 2.0
+    frame_jitter: float = 0.05
     occlusion: tuple[float, float] = (0.25, 0.9)
     scanned: float = 0.5
     views: int = 4
@@ -119,6 +125,8 @@ PAPER = TrainConfig(
     consistency_weight=0.0,
     ranking_weight=0.0,
     partial_token_weight=0.0,
+    whole_weight=0.0,
+    frame_jitter=0.0,
     confidence_floor=0.1,
     scanned=0.0,
     box_weight=0.0,

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor
 
 from kpred.errors import MeshError, PackError, ScanError
 from kpred.nn import KPRed
-from kpred.ops import depth_scan, icosphere, mean_value_coordinates, sample_surface, unit_box_frame
+from kpred.ops import icosphere, mean_value_coordinates, sample_surface, unit_box_frame
 from kpred.ops.typing import Float
 from kpred.shapes.pack import MeshPack
+from kpred.training.augmentation import box_of, random_depth_scans, random_factors, to_unit_box
 
 POOL_POINTS = 4096
 """Points kept per shape; every step draws its targets from them."""
@@ -81,26 +80,6 @@ class TrainingData:
         return _integers(len(self.sources), count, generator, self.device)
 
 
-def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:
-    """Factors per axis, up to `stretch` or down to its inverse; half of the clouds are mirrored left to right."""
-    options: dict[str, Any] = {"generator": generator, "device": generator.device}
-    factors = stretch ** (2 * torch.rand(count, 1, 3, **options) - 1)
-    mirror = 1 - 2 * torch.randint(0, 2, (count, 1, 1), **options).float()
-    return factors * torch.cat([mirror, torch.ones_like(mirror), torch.ones_like(mirror)], dim=2)
-
-
-def box_of(clouds: Float[Tensor, "batch points 3"]) -> tuple[Float[Tensor, "batch 1 3"], Float[Tensor, "batch 1 1"]]:
-    """Middle of each cloud's box, and half of its longest side."""
-    low, high = clouds.amin(1, keepdim=True), clouds.amax(1, keepdim=True)
-    return (low + high) / 2, (high - low).amax(2, keepdim=True) / 2
-
-
-def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
-    """Each cloud centred on its box and divided by its largest absolute coordinate."""
-    middle, half = box_of(clouds)
-    return (clouds - middle) / half
-
-
 def prepare(
     packs: list[MeshPack],
     network: KPRed,
@@ -145,7 +124,9 @@ def prepare(
                 continue
             shuffle = torch.randperm(POOL_POINTS, generator=generator)
             clouds.append(cloud[shuffle])
-            scans.append(_scans(corners, torch.from_numpy(mesh.faces).long(), views, scan_generator))
+            scans.append(
+                random_depth_scans(corners, torch.from_numpy(mesh.faces).long(), views, SCAN_POINTS, scan_generator)
+            )
             is_source.append(source_split is None or split == source_split)
             vertices.append(corners)
     if sum(is_source) < 2:
@@ -181,21 +162,6 @@ def _with_vertices(cloud: Tensor, vertices: Tensor, count: int = 1024) -> Tensor
     step = max(1, -(-len(vertices) // count))
     corners = vertices[::step]
     return torch.cat([cloud[: len(cloud) - len(corners)], corners])
-
-
-def _scans(vertices: Tensor, faces: Tensor, views: int, generator: torch.Generator) -> Tensor:
-    """What a camera sees from `views` random sides, from a little below the middle of the object to steeply above."""
-    found = torch.empty(views, SCAN_POINTS, 3)
-    for view in range(views):
-        turn, rise, far = torch.rand(3, generator=generator).tolist()
-        azimuth, elevation, distance = 2 * math.pi * turn, math.radians(-5 + 60 * rise), 2.5 + 3 * far
-        level = distance * math.cos(elevation)
-        camera = torch.tensor(
-            [level * math.sin(azimuth), distance * math.sin(elevation), level * math.cos(azimuth)], dtype=torch.float32
-        )
-        seen = depth_scan(vertices, faces, camera, SCAN_POINTS, resolution=96, generator=generator)
-        found[view] = seen[torch.arange(SCAN_POINTS) % len(seen)]
-    return found
 
 
 def _integers(high: int, count: int, generator: torch.Generator, device: torch.device) -> Tensor:

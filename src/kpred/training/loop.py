@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from kpred.errors import CheckpointError
 from kpred.nn import STAGES, KPRed, save_network
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
-from kpred.training.stages import STAGE_CLASSES, Stage
+from kpred.training.stages import STAGE_CLASSES
 
 GRADIENT_NORM = 1.0
 """Gradients are clipped to this norm: the first steps after the warm-up would explode otherwise."""
@@ -46,15 +47,75 @@ def train_stage(
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
     """
-    path = folder / f"{stage}.checkpoint"
-    checkpoint = _fitting_checkpoint(path, network, config, stage, data.device) if resume and path.exists() else None
+    checkpoint = resumable(folder, stage, network.config.to_dict(), config.to_dict(), data.device) if resume else None
     if checkpoint:
         network.load_state_dict(checkpoint.weights)
     work = STAGE_CLASSES[stage](network, data, config)
-    if not checkpoint:
+    trained = optimise(work, checkpoint, folder, data.device, sorted(STAGE_CLASSES).index(stage), report, log)
+    # A finished stage exports again, as it may have been killed before it could; but not over what was built on it.
+    later = list(STAGES)[list(STAGES).index(stage) + 1 :]
+    if trained or not any((folder / f"{name}.checkpoint").exists() for name in later):
+        save_network(network, folder / "model")
+
+
+@runtime_checkable
+class Work(Protocol):
+    """What the loop needs of a stage: its network, its settings, and the losses of a step."""
+
+    name: str
+    config: Any
+
+    @property
+    def network(self) -> nn.Module:
+        """What is trained."""
+        ...
+
+    @property
+    def settings(self) -> StageConfig:
+        """Steps, batch, rate."""
+        ...
+
+    def model_config(self) -> dict[str, Any]:
+        """The network's config, as a checkpoint keeps it."""
+        ...
+
+    def parameters(self) -> Iterator[nn.Parameter]:
+        """What is learned."""
+        ...
+
+    def start(self) -> None:
+        """Called once, before the first step of a stage that is not resumed."""
+        ...
+
+    def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
+        """Named loss terms of one step; their sum is minimised."""
+        ...
+
+
+def optimise(
+    work: Work,
+    checkpoint: Checkpoint | None,
+    folder: Path,
+    device: torch.device,
+    stream: int,
+    report: StepReport | None = None,
+    log: bool = True,
+) -> bool:
+    """Minimise a stage's losses and keep its checkpoint in `folder`; whether there was a step left to do.
+
+    Args:
+        checkpoint: where to go on; its weights are the network's already.
+        stream: which of the random streams of one seed.
+
+    Raises:
+        OutputError: if the folder cannot be written.
+    """
+    network, config, stage = work.network, work.config, work.name
+    path = folder / f"{stage}.checkpoint"
+    if checkpoint is None:
         work.start()
     optimizer = torch.optim.Adam(work.parameters(), lr=work.settings.learning_rate)
-    generator = torch.Generator(device=data.device).manual_seed(config.seed * 3 + sorted(STAGE_CLASSES).index(stage))
+    generator = torch.Generator(device=device).manual_seed(config.seed * 3 + stream)
     first = 0
     if checkpoint:
         optimizer.load_state_dict(checkpoint.optimizer)
@@ -66,14 +127,12 @@ def train_stage(
     network.train()
     # What an interrupt may save: the random state that belongs to `done`, and whether the weights are in mid-update.
     done, state, torn = first, generator.get_state(), False
-    losses_of = (
-        torch.compile(work.losses, dynamic=False) if config.compile and data.device.type == "cuda" else work.losses
-    )
+    losses_of = torch.compile(work.losses, dynamic=False) if config.compile and device.type == "cuda" else work.losses
     try:
         for step in range(first, total):
             for group in optimizer.param_groups:
                 group["lr"] = learning_rate(work.settings, step)
-            with torch.autocast(data.device.type, torch.bfloat16, enabled=config.precision == "bfloat16"):
+            with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bfloat16"):
                 losses = losses_of(step, generator)
                 loss = torch.stack(list(losses.values())).sum()
             optimizer.zero_grad(set_to_none=True)
@@ -101,10 +160,7 @@ def train_stage(
         if writer:
             writer.close()
         network.eval()
-    # A finished stage exports again, as it may have been killed before it could; but not over what was built on it.
-    later = list(STAGES)[list(STAGES).index(stage) + 1 :]
-    if first < total or not any((folder / f"{name}.checkpoint").exists() for name in later):
-        save_network(network, folder / "model")
+    return first < total
 
 
 def learning_rate(settings: StageConfig, step: int) -> float:
@@ -114,11 +170,11 @@ def learning_rate(settings: StageConfig, step: int) -> float:
     return settings.learning_rate * (0.02 + 0.98 * (1 + math.cos(math.pi * step / settings.steps)) / 2)
 
 
-def _save(path: Path, work: Stage, optimizer: torch.optim.Optimizer, state: Tensor, done: int) -> None:
+def _save(path: Path, work: Work, optimizer: torch.optim.Optimizer, state: Tensor, done: int) -> None:
     Checkpoint(
         stage=work.name,
         step=done,
-        model_config=work.network.config.to_dict(),
+        model_config=work.model_config(),
         train_config=work.config.to_dict(),
         weights=work.network.state_dict(),
         optimizer=optimizer.state_dict(),
@@ -126,12 +182,19 @@ def _save(path: Path, work: Stage, optimizer: torch.optim.Optimizer, state: Tens
     ).save(path)
 
 
-def _fitting_checkpoint(
-    path: Path, network: KPRed, config: TrainConfig, stage: str, device: torch.device
-) -> Checkpoint:
+def resumable(
+    folder: Path, stage: str, model_config: dict[str, Any], train_config: dict[str, Any], device: torch.device
+) -> Checkpoint | None:
+    """The stage's checkpoint in the run folder; None if there is none.
+
+    Raises:
+        CheckpointError: if it cannot be read, or belongs to a run with other settings.
+    """
+    path = folder / f"{stage}.checkpoint"
+    if not path.exists():
+        return None
     checkpoint = Checkpoint.load(path, device)
-    same_model = checkpoint.model_config == network.config.to_dict()
-    if not same_model or checkpoint.train_config != config.to_dict():
+    if checkpoint.model_config != model_config or checkpoint.train_config != train_config:
         raise CheckpointError(
             f"{path} belongs to a run with other settings; give another run folder or the same settings."
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 
 from kpred.errors import CheckpointError, ConfigError, OutputError
-from kpred.nn import STAGES, KPRed, ModelConfig
+from kpred.nn import STAGES, KPRed, ModelConfig, load_model
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
 from kpred.training.checkpoint import Checkpoint
@@ -38,11 +38,13 @@ def train(
     progress: Progress | None = None,
     report: StepReport | None = None,
     resume: bool = True,
+    start_from: str | os.PathLike[str] | None = None,
 ) -> KPRed:
     """Train the given stages of one category and leave weights in `folder/model`.
 
-    Stages build on each other: one that is not in `stages` is taken from the run folder's checkpoints. A stopped run
-    goes on where it was.
+    Stages build on each other: one that is not in `stages` is taken from the run folder's checkpoints, or, with
+    `start_from`, from finished weights of the category (the name or folder of a model; parts that are new in this
+    architecture start fresh). A stopped run goes on where it was.
 
     Raises:
         ConfigError: if a stage does not exist, or one between two others is left out.
@@ -59,7 +61,9 @@ def train(
     network = new_network(model_config, config.seed).to(device)
     order = list(STAGES)
     first = min(order.index(stage) for stage in stages)
-    if first > 0:
+    if start_from is not None:
+        _take_over(network, start_from)
+    elif first > 0:
         earlier = folder / f"{order[first - 1]}.checkpoint"
         if not earlier.exists():
             raise CheckpointError(f"{earlier} is missing; train the stage '{order[first - 1]}' in this folder first.")
@@ -69,6 +73,7 @@ def train(
                 f"{earlier} holds another architecture; give another run folder or the same model settings."
             )
         network.load_state_dict(checkpoint.weights)
+    network.to(device)
     views = config.views if "partial" in stages else 0
     with _made(folder):
         data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress, views=views)
@@ -77,6 +82,23 @@ def train(
             train_stage(network, data, config, stage, folder, report=report, resume=resume)
     _record(folder, model_config, config, packs, len(data.sources), len(data.targets))
     return network
+
+
+def _take_over(network: KPRed, name: str | os.PathLike[str]) -> None:
+    """Weights of another model's networks of the same category, part by part; parts of another shape start fresh.
+
+    Raises:
+        ModelError: if there is no such model, or it does not know the category.
+        ConfigError: if keypoints, influence or tokens are of another architecture.
+    """
+    found = load_model(name)[network.config.category].state_dict()
+    for part, module in network.named_children():
+        weights = {key.removeprefix(f"{part}."): value for key, value in found.items() if key.startswith(f"{part}.")}
+        own = module.state_dict()
+        if set(weights) == set(own) and all(weights[key].shape == own[key].shape for key in own):
+            module.load_state_dict(weights)
+        elif part not in STAGES["partial"]:
+            raise ConfigError(f"{name}: its {part} is of another architecture; give the model settings that it has.")
 
 
 @contextmanager

@@ -12,15 +12,18 @@ from torch import Tensor
 from kpred.fitting.refine import RefineConfig, refine_keypoints
 from kpred.nn import STAGES, KPRed
 from kpred.nn.retrieval import DECODED_POINTS
-from kpred.ops import ball_query, chamfer_distance, farthest_point_sampling, slice_by_plane
+from kpred.ops import ball_query, chamfer_distance, farthest_point_sampling
 from kpred.ops.chamfer import squared_distances
-from kpred.ops.occlusion import random_directions, resample_visible
 from kpred.ops.regions import gather_points
+from kpred.training.augmentation import box_of, disturbed, random_slices, yaw_matrices
 from kpred.training.config import StageConfig, TrainConfig
-from kpred.training.data import TrainingData, box_of
+from kpred.training.data import TrainingData
 
 RANKING_POINTS = 256
 """Points per shape when all sources of a batch are compared with all its targets."""
+
+WHOLE_POINTS = 512
+"""Points of the whole target that the partial stage measures from."""
 
 TRAIN_REFINE = RefineConfig(iterations=2, points=512, prior=0.02, robust=0.0)
 """Refinement inside training losses: short, and without outliers to resist."""
@@ -44,6 +47,10 @@ class Stage(ABC):
     def settings(self) -> StageConfig:
         """This stage's optimisation settings."""
         return getattr(self.config, self.name)
+
+    def model_config(self) -> dict[str, Any]:
+        """The network's config, which a checkpoint must have too."""
+        return self.network.config.to_dict()
 
     def parameters(self) -> Iterator[torch.nn.Parameter]:
         """The parameters that this stage learns."""
@@ -206,9 +213,9 @@ class PartialStage(FrozenDeformer):
     name = "partial"
 
     def start(self) -> None:
-        """Partial networks start as copies of their teachers."""
+        """Partial networks start as copies of their teachers; context blocks are the identity at first."""
         network = self.network
-        network.partial_keypoint_predictor.load_state_dict(network.keypoint_predictor.state_dict())
+        network.partial_keypoint_predictor.load_state_dict(network.keypoint_predictor.state_dict(), strict=False)
         network.partial_retrieval_encoder.load_state_dict(network.retrieval_encoder.state_dict())
 
     def losses(self, step: int, generator: torch.Generator) -> Losses:
@@ -217,7 +224,10 @@ class PartialStage(FrozenDeformer):
         with torch.no_grad():
             teacher = network.keypoints(self._few(target))
             confidence = network.confidence(seen, teacher)
-            wanted = network.retrieval_tokens(target, teacher)
+            # Tokens and boxes cost as much as all the rest: half of the targets teach the ones, half the others.
+            wanted = network.retrieval_tokens(target[::2], teacher[::2])
+            if config.frame_jitter > 0:
+                target, seen, teacher = self._jittered(target, seen, teacher, generator)
         keypoints = network.partial_keypoints(self._few(seen))
         # The floor keeps unseen keypoints from drifting freely.
         weight = confidence.clamp(min=config.confidence_floor)
@@ -228,13 +238,29 @@ class PartialStage(FrozenDeformer):
             "keypoints": config.partial_keypoint_weight * (weight * difference).mean(),
             "similarity": squared_distances(seen, deformed).mean(),
         }
+        if config.whole_weight > 0:
+            few = target[:, :WHOLE_POINTS]
+            losses["whole"] = config.whole_weight * squared_distances(few, deformed).mean()
         if config.partial_token_weight > 0:
-            tokens = network.partial_retrieval_tokens(seen, keypoints.detach())
+            tokens = network.partial_retrieval_tokens(seen[::2], keypoints[::2].detach())
             off = (tokens - wanted).abs().mean(-1)
-            losses["tokens"] = config.partial_token_weight * (weight * off).mean()
+            losses["tokens"] = config.partial_token_weight * (weight[::2] * off).mean()
         if config.box_weight > 0:
-            losses["box"] = config.box_weight * self._box(self._few(seen), target)
+            losses["box"] = config.box_weight * self._box(self._few(seen[1::2]), target[1::2])
         return losses
+
+    def _jittered(
+        self, target: Tensor, seen: Tensor, keypoints: Tensor, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """The same, half of them in a frame that is a little off in place, size and yaw, as estimated frames are."""
+        batch = len(target)
+        options: dict[str, Any] = {"generator": generator, "device": target.device}
+        off = self.config.frame_jitter * torch.randint(0, 2, (batch, 1, 1), **options).float()
+        factor = torch.exp(off * torch.randn(batch, 1, 1, **options))
+        shift = off * torch.randn(batch, 1, 3, **options)
+        rotation = yaw_matrices((off * torch.randn(batch, 1, 1, **options)).flatten())
+        moved = [factor * (cloud @ rotation.mT) + shift for cloud in (target, seen, keypoints)]
+        return moved[0], moved[1], moved[2].clamp(-1.2, 1.2)
 
     def _box(self, seen: Tensor, target: Tensor) -> Tensor:
         """Negative log likelihood (Laplace) of the whole object's box, seen from the visible part's own unit box."""
@@ -248,30 +274,12 @@ class PartialStage(FrozenDeformer):
         config, data, batch = self.config, self.data, self.settings.batch
         scanned = round(config.scanned * batch) if data.scans.shape[1] else 0
         target = data.draw_targets(batch - scanned, config.points, config.stretch, generator)
-        seen = self._slice(target, generator)
+        seen = random_slices(target, config.occlusion, generator)
         if scanned:
             whole, scans = data.draw_scanned_targets(scanned, config.points, config.stretch, generator)
             pick = torch.arange(config.points, device=data.device) % scans.shape[1]
             target, seen = torch.cat([target, whole]), torch.cat([seen, scans[:, pick]])
-        return target, self._disturb(seen, generator)
-
-    def _slice(self, target: Tensor, generator: torch.Generator) -> Tensor:
-        low, high = self.config.occlusion
-        ratio = low + (high - low) * torch.rand(len(target), generator=generator, device=target.device)
-        normal = random_directions(len(target), generator, target.device)
-        visible = slice_by_plane(target, ratio, normal)
-        index = resample_visible(target, visible, target.shape[1], generator)
-        return torch.gather(target, 1, index[..., None].expand(-1, -1, 3))
-
-    def _disturb(self, seen: Tensor, generator: torch.Generator) -> Tensor:
-        """Jitter, and stray points anywhere near the visible part; how much differs from cloud to cloud."""
-        options: dict[str, Any] = {"generator": generator, "device": seen.device}
-        level = torch.rand(len(seen), 1, 1, **options)
-        seen = seen + self.config.noise * level * torch.randn(seen.shape, **options)
-        middle, half = box_of(seen)
-        stray = middle + half * (2.4 * torch.rand(seen.shape, **options) - 1.2)
-        share = self.config.outliers * torch.rand(len(seen), 1, 1, **options)
-        return torch.where(torch.rand(*seen.shape[:2], 1, **options) < share, stray, seen)
+        return target, disturbed(seen, config.noise, config.outliers, generator)
 
 
 STAGE_CLASSES: dict[str, type[Stage]] = {

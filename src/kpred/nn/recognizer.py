@@ -1,0 +1,102 @@
+"""Recognizer: which category a scan is of, and whether it stands as it should, for one turn of it at a time."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from kpred.errors import ConfigError
+from kpred.nn.context import ContextBlock
+from kpred.ops.typing import Float
+
+MOST_TURN = 0.5
+"""Largest correction of a turn that the network gives, radians."""
+
+
+@dataclass(frozen=True)
+class RecognizerConfig:
+    """Architecture of a recognizer.
+
+    Attributes:
+        categories: names, in the order of the network's answers; "none of them" comes last.
+        width: channels of the point features.
+        blocks: context blocks.
+    """
+
+    categories: tuple[str, ...] = ()
+    width: int = 128
+    blocks: int = 2
+
+    def __post_init__(self) -> None:
+        if self.width < 1 or self.blocks < 0:
+            raise ConfigError(
+                f"A recognizer needs a positive width and no negative number of blocks, but has {self.width} and "
+                f"{self.blocks}."
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for config.json and checkpoints."""
+        return {**dataclasses.asdict(self), "categories": list(self.categories)}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> RecognizerConfig:
+        """The config written by `to_dict`.
+
+        Raises:
+            ConfigError: if a key is unknown or a value cannot be.
+        """
+        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
+        if unknown:
+            raise ConfigError(f"Recognizer config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
+        try:
+            return cls(tuple(str(name) for name in values["categories"]), int(values["width"]), int(values["blocks"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(f"This is no recognizer config ({error!r}); train or copy it again.") from error
+
+
+class Recognizer(nn.Module):
+    """PointNet with context blocks over a cloud that may be partial, in any unit, y up, turned by a supposed yaw.
+
+    It answers two questions about the cloud as it stands: which category it is of, or none (another thing, or not
+    facing +z, or not upright); and by which small turn it would face +z exactly. Asked for several turns, it tells yaw.
+    """
+
+    def __init__(self, config: RecognizerConfig) -> None:
+        super().__init__()
+        self.config = config
+        width = config.width
+        self.local = nn.ModuleList([nn.Linear(3, 64), nn.Linear(64, width)])
+        self.context = nn.ModuleList([ContextBlock(width) for _ in range(config.blocks)])
+        self.wide = nn.Linear(width, 2 * width)
+        self.shape = nn.ModuleList([nn.Linear(4 * width, 2 * width), nn.Linear(2 * width, width)])
+        self.output = nn.Linear(width, len(config.categories) + 2)
+
+    def forward(
+        self, points: Float[Tensor, "batch points 3"]
+    ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
+        """Logits of the categories and, last, of "none"; and the turn about +y (radians) that is still missing."""
+        features = robust_unit_box(points)
+        for layer in self.local:
+            features = functional.leaky_relu(layer(features), 0.1)
+        for block in self.context:
+            features = block(features)
+        features = functional.leaky_relu(self.wide(features), 0.1)
+        shape = torch.cat([features.amax(1), features.mean(1)], dim=1)
+        for layer in self.shape:
+            shape = functional.leaky_relu(layer(shape), 0.1)
+        answers = self.output(shape)
+        return answers[:, :-1], MOST_TURN * torch.tanh(answers[:, -1])
+
+
+def robust_unit_box(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
+    """Clouds whose middle 96 % along each axis fill [-1, 1] along the longest, whatever a few strays do."""
+    ordered = points.sort(dim=1).values
+    cut = points.shape[1] // 50
+    low, high = ordered[:, cut], ordered[:, points.shape[1] - 1 - cut]
+    half = ((high - low).amax(1) / 2).clamp(min=torch.finfo(points.dtype).tiny)
+    return (points - ((low + high) / 2)[:, None]) / half[:, None, None]

@@ -1,0 +1,90 @@
+"""How training clouds are varied: stretched, mirrored, cut, seen from one side, disturbed as scans are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from kpred.ops import depth_scan, slice_by_plane
+from kpred.ops.occlusion import random_directions, resample_visible
+from kpred.ops.typing import Float, Int
+
+
+def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:
+    """Factors per axis, up to `stretch` or down to its inverse; half of the clouds are mirrored left to right."""
+    options: dict[str, Any] = {"generator": generator, "device": generator.device}
+    factors = stretch ** (2 * torch.rand(count, 1, 3, **options) - 1)
+    mirror = 1 - 2 * torch.randint(0, 2, (count, 1, 1), **options).float()
+    return factors * torch.cat([mirror, torch.ones_like(mirror), torch.ones_like(mirror)], dim=2)
+
+
+def box_of(clouds: Float[Tensor, "batch points 3"]) -> tuple[Float[Tensor, "batch 1 3"], Float[Tensor, "batch 1 1"]]:
+    """Middle of each cloud's box, and half of its longest side."""
+    low, high = clouds.amin(1, keepdim=True), clouds.amax(1, keepdim=True)
+    return (low + high) / 2, (high - low).amax(2, keepdim=True) / 2
+
+
+def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
+    """Each cloud centred on its box and divided by its largest absolute coordinate."""
+    middle, half = box_of(clouds)
+    return (clouds - middle) / half
+
+
+def random_depth_scans(
+    vertices: Float[Tensor, "vertices 3"],
+    faces: Int[Tensor, "faces 3"],
+    views: int,
+    points: int,
+    generator: torch.Generator,
+    resolution: int = 96,
+) -> Float[Tensor, "views points 3"]:
+    """What a depth camera sees from random sides, from a little below the middle of the object to steeply above."""
+    found = torch.empty(views, points, 3)
+    for view in range(views):
+        turn, rise, far = torch.rand(3, generator=generator).tolist()
+        azimuth, elevation, distance = 2 * math.pi * turn, math.radians(-5 + 60 * rise), 2.5 + 3 * far
+        level = distance * math.cos(elevation)
+        camera = torch.tensor(
+            [level * math.sin(azimuth), distance * math.sin(elevation), level * math.cos(azimuth)], dtype=torch.float32
+        )
+        seen = depth_scan(vertices, faces, camera, points, resolution=resolution, generator=generator)
+        found[view] = seen[torch.arange(points) % len(seen)]
+    return found
+
+
+def random_slices(
+    clouds: Float[Tensor, "batch points 3"], occlusion: tuple[float, float], generator: torch.Generator
+) -> Float[Tensor, "batch points 3"]:
+    """What is left when a random plane hides a random share of each cloud (the paper's slicing); points repeat."""
+    low, high = occlusion
+    ratio = low + (high - low) * torch.rand(len(clouds), generator=generator, device=clouds.device)
+    normal = random_directions(len(clouds), generator, clouds.device)
+    visible = slice_by_plane(clouds, ratio, normal)
+    index = resample_visible(clouds, visible, clouds.shape[1], generator)
+    return torch.gather(clouds, 1, index[..., None].expand(-1, -1, 3))
+
+
+def disturbed(
+    seen: Float[Tensor, "batch points 3"], noise: float, outliers: float, generator: torch.Generator
+) -> Float[Tensor, "batch points 3"]:
+    """Jitter, and stray points anywhere near the visible part; how much differs from cloud to cloud.
+
+    `noise` (unit of the clouds) and `outliers` (share of the points) are the most that a cloud gets.
+    """
+    options: dict[str, Any] = {"generator": generator, "device": seen.device}
+    level = torch.rand(len(seen), 1, 1, **options)
+    seen = seen + noise * level * torch.randn(seen.shape, **options)
+    middle, half = box_of(seen)
+    stray = middle + half * (2.4 * torch.rand(seen.shape, **options) - 1.2)
+    share = outliers * torch.rand(len(seen), 1, 1, **options)
+    return torch.where(torch.rand(*seen.shape[:2], 1, **options) < share, stray, seen)
+
+
+def yaw_matrices(angle: Float[Tensor, " batch"]) -> Float[Tensor, "batch 3 3"]:
+    """Rotations about +y that take +z towards +x, for column vectors; a cloud of rows is turned by `cloud @ R^T`."""
+    zero, one, c, s = torch.zeros_like(angle), torch.ones_like(angle), angle.cos(), angle.sin()
+    rows = [torch.stack(row, dim=1) for row in ((c, zero, s), (zero, one, zero), (-s, zero, c))]
+    return torch.stack(rows, dim=1)

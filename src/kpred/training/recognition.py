@@ -1,0 +1,177 @@
+"""Training of the recognizer: scans as they may stand, told as right, as turned wrongly, or as another thing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from kpred.nn.loading import save_recognizer
+from kpred.nn.recognizer import MOST_TURN, Recognizer, RecognizerConfig
+from kpred.shapes.atomic import atomic_path
+from kpred.shapes.pack import MeshPack
+from kpred.training.augmentation import box_of, disturbed, random_factors, random_slices, yaw_matrices
+from kpred.training.config import StageConfig
+from kpred.training.data import Progress
+from kpred.training.loop import StepReport, optimise, resumable
+from kpred.training.recognition_config import RecognitionConfig
+from kpred.training.recognition_data import RecognitionData, prepare_recognition
+
+RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
+"""A cloud that is off by less than the first stands right, by more than the second wrongly; between, none is taught."""
+
+
+class RecognitionStage:
+    """Cross-entropy of the answers, and the error of the missing turn where a cloud stands about right."""
+
+    name = "recognition"
+
+    def __init__(self, network: Recognizer, data: RecognitionData, config: RecognitionConfig) -> None:
+        self.network, self.data, self.config = network, data, config
+
+    @property
+    def settings(self) -> StageConfig:
+        """The optimisation settings."""
+        return self.config.optimisation
+
+    def model_config(self) -> dict[str, Any]:
+        """The network's config."""
+        return self.network.config.to_dict()
+
+    def parameters(self) -> Iterator[torch.nn.Parameter]:
+        """All of them."""
+        return self.network.parameters()
+
+    def start(self) -> None:
+        """Nothing to do."""
+
+    def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
+        """Loss terms of one random batch."""
+        clouds, answer, turn, teaches = self.batch(generator)
+        logits, found = self.network(clouds)
+        taught = answer >= 0
+        losses = {"answer": functional.cross_entropy(logits[taught], answer[taught])}
+        if bool(teaches.any()):
+            error = (found[teaches] - turn[teaches]) / MOST_TURN
+            losses["turn"] = self.config.turn_weight * error.abs().mean()
+        return losses
+
+    def batch(self, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Clouds (B, N, 3); answers (B,), -1 where none is taught; missing turns (B,), and where these are taught."""
+        config, data, count = self.config, self.data, self.settings.batch
+        options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
+        rows = data.draw(count, config.others, generator)
+        period = data.period[rows]
+        clouds = self._seen(rows, generator)
+        factors = random_factors(count, config.stretch, generator)
+        # A square or round top stays so.
+        square = (period < 2.0)[:, None]
+        factors[:, :, 2] = torch.where(square, factors[:, :, 0].abs(), factors[:, :, 2])
+        clouds = disturbed(clouds * factors, config.noise, config.outliers, generator)
+        clouds = self._with_floor(clouds, generator)
+        # `off` is how far the cloud is turned from facing +z; the turn that is missing is its opposite.
+        jitter = MOST_TURN * 0.8 * (2 * torch.rand(count, **options) - 1)
+        kind = torch.rand(count, **options)
+        quarters = math.pi / 2 * torch.randint(1, 4, (count,), **options).float()
+        anywhere = 2 * math.pi * torch.rand(count, **options)
+        is_right, is_quarter = kind < config.right, (kind >= config.right) & (kind < config.right + config.quarter)
+        tilted = kind >= 1 - config.tilted
+        off = torch.where(is_right, jitter, torch.where(is_quarter, quarters + jitter, anywhere))
+        clouds = clouds @ yaw_matrices(off).mT
+        clouds = torch.where(tilted[:, None, None], clouds @ self._tilts(count, generator).mT, clouds)
+        turn = -smallest_turn(off, period)
+        known = data.category[rows] < len(data.categories)
+        stands = known & ~tilted
+        answer = torch.where(stands & (turn.abs() <= RIGHT), data.category[rows], len(data.categories))
+        unsure = stands & (turn.abs() > RIGHT) & (turn.abs() < WRONG)
+        answer = torch.where(unsure, -1, answer)
+        return clouds, answer, turn, stands & (turn.abs() < MOST_TURN * 0.9) & (period > 0)
+
+    def _seen(self, rows: Tensor, generator: torch.Generator) -> Tensor:
+        config, data = self.config, self.data
+        options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
+        view = torch.randint(0, data.scans.shape[1], (len(rows),), **options)
+        kind = torch.rand(len(rows), 1, 1, **options)
+        start = torch.randint(0, data.clouds.shape[1], (1,), **options)
+        pick = (torch.arange(config.points, device=data.clouds.device) + start) % data.clouds.shape[1]
+        whole, scanned = data.clouds[rows], data.scans[rows, view][:, pick]
+        cut = random_slices(whole[:, : 2 * config.points], (0.2, 0.7), generator)[:, : config.points]
+        return torch.where(
+            kind < config.sliced, cut, torch.where(kind < config.sliced + config.whole, whole[:, pick], scanned)
+        )
+
+    def _with_floor(self, clouds: Tensor, generator: torch.Generator) -> Tensor:
+        """Some points of some clouds are moved to the level of their lowest, around the object."""
+        options: dict[str, Any] = {"generator": generator, "device": clouds.device}
+        middle, half = box_of(clouds)
+        spot = middle + half * (2 * torch.rand(clouds.shape, **options) - 1) * 1.1
+        low = clouds.amin(1)[:, 1:2].expand(-1, clouds.shape[1]) + 0.01 * torch.randn(clouds.shape[:2], **options)
+        spot = torch.stack([spot[..., 0], low, spot[..., 2]], dim=2)
+        share = 0.3 * torch.rand(len(clouds), 1, 1, **options)
+        share = torch.where(torch.rand(len(clouds), 1, 1, **options) < self.config.floor, share, 0.0)
+        return torch.where(torch.rand(*clouds.shape[:2], 1, **options) < share, spot, clouds)
+
+    def _tilts(self, count: int, generator: torch.Generator) -> Tensor:
+        """Rotations that lay a cloud on its side, back or front, or turn it upside down."""
+        options: dict[str, Any] = {"generator": generator, "device": self.data.clouds.device}
+        eye = torch.eye(3, device=self.data.clouds.device)
+        x, y, z = eye
+        choices = torch.stack([torch.stack([x, -z, y]), torch.stack([x, z, -y]), torch.stack([x, -y, -z])])
+        choices = torch.cat([choices, torch.stack([torch.stack([y, -x, z]), torch.stack([-y, x, z])])])
+        around = yaw_matrices(2 * math.pi * torch.rand(count, **options))
+        return around @ choices[torch.randint(0, len(choices), (count,), **options)]
+
+
+def smallest_turn(off: Tensor, period: Tensor) -> Tensor:
+    """Turns (radians) modulo each shape's period, in (-period / 2, period / 2]; 0 for round shapes."""
+    safe = torch.where(period > 0, period, 2 * math.pi)
+    reduced = torch.remainder(off + safe / 2, safe) - safe / 2
+    return torch.where(period > 0, reduced, 0.0)
+
+
+def train_recognizer(
+    packs: Sequence[MeshPack],
+    config: RecognitionConfig,
+    folder: Path,
+    device: torch.device | str = "cpu",
+    progress: Progress | None = None,
+    report: StepReport | None = None,
+    resume: bool = True,
+    model: RecognizerConfig | None = None,
+) -> Recognizer:
+    """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
+
+    Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was.
+
+    Raises:
+        PackError: if the packs hold too few shapes.
+        CheckpointError: if the folder holds a checkpoint of another configuration.
+        OutputError: if the folder cannot be written.
+    """
+    data = prepare_recognition(packs, config.views, config.seed, device, progress)
+    architecture = dataclasses.replace(model or RecognizerConfig(), categories=data.categories)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        network = Recognizer(architecture).to(device)
+    where = data.clouds.device
+    checkpoint = resumable(folder, "recognition", architecture.to_dict(), config.to_dict(), where) if resume else None
+    if checkpoint:
+        network.load_state_dict(checkpoint.weights)
+    optimise(RecognitionStage(network, data, config), checkpoint, folder, where, 3, report)
+    save_recognizer(network, folder / "model")
+    numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
+    record = {
+        "model": architecture.to_dict(),
+        "training": config.to_dict(),
+        "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),
+    }
+    with atomic_path(folder / "model" / "training.json") as temporary:
+        temporary.write_text(json.dumps(record, indent=2) + "\n")
+    return network

@@ -1,0 +1,119 @@
+"""Training data of the recognizer: clouds and depth scans of all categories, of other things, and their symmetries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from kpred.errors import MeshError, PackError, ScanError
+from kpred.ops import nearest_neighbours, sample_surface, unit_box_frame
+from kpred.ops.typing import Float, Int
+from kpred.shapes.pack import MeshPack
+from kpred.training.augmentation import random_depth_scans, yaw_matrices
+from kpred.training.data import Progress
+
+CLOUD_POINTS = 1024
+"""Points kept of each shape and of each of its depth scans."""
+
+RESOLUTION = 64
+"""Pixels along a side of the depth pictures that scans are made from: what stands before what, not fine detail."""
+
+OTHER = "other"
+"""Category of packs of things that are of none of the categories."""
+
+TURN_TOLERANCE = 0.025
+"""A turn maps a shape onto itself if this is all that it adds to the mean distance of two samples, unit box."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecognitionData:
+    """Shapes of several categories.
+
+    Attributes:
+        categories: names; `category` (shapes,) is an index into them, or their number for other things.
+        clouds: (shapes, P, 3) whole surfaces, scans: (shapes, views, P, 3) depth scans; in the whole shape's unit box.
+        period: (shapes,) smallest turn about y that maps the shape onto itself: 2 pi, pi, pi / 2, or 0 if round.
+    """
+
+    categories: tuple[str, ...]
+    category: Int[Tensor, " shapes"]
+    clouds: Float[Tensor, "shapes points 3"]
+    scans: Float[Tensor, "shapes views points 3"]
+    period: Float[Tensor, " shapes"]
+
+    def draw(self, count: int, others: float, generator: torch.Generator) -> Int[Tensor, " count"]:
+        """Random shapes: categories equally often, other things with probability `others`."""
+        options: dict[str, Any] = {"generator": generator, "device": self.clouds.device}
+        known = len(self.categories)
+        share = torch.full((known + 1,), (1 - others) / known, device=self.clouds.device)
+        share[known] = others if bool((self.category == known).any()) else 0.0
+        number = torch.bincount(self.category, minlength=known + 1).clamp(min=1)
+        chance = (share / number)[self.category]
+        return torch.multinomial(chance / chance.sum(), count, replacement=True, **{"generator": options["generator"]})
+
+
+def prepare_recognition(
+    packs: Sequence[MeshPack],
+    views: int,
+    seed: int,
+    device: torch.device | str = "cpu",
+    progress: Progress | None = None,
+) -> RecognitionData:
+    """Sample the splits `source` and `train` of all packs.
+
+    Raises:
+        PackError: if there are fewer than two usable shapes, or no category beside other things.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    categories = tuple(sorted({pack.category for pack in packs} - {OTHER}))
+    clouds, scans, category, period = [], [], [], []
+    total = sum(len(pack) for pack in packs)
+    done = 0
+    for pack in packs:
+        kind = categories.index(pack.category) if pack.category in categories else len(categories)
+        for index in range(len(pack)):
+            done += 1
+            if progress:
+                progress("scanning shapes", done, total)
+            if str(pack.split[index]) not in ("source", "train"):
+                continue
+            mesh = pack[index]
+            try:
+                frame = unit_box_frame(mesh.vertices)
+                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float()
+                faces = torch.from_numpy(mesh.faces).long()
+                cloud = sample_surface(corners, faces, 2 * CLOUD_POINTS, generator)[0]
+            except (ScanError, MeshError):
+                continue
+            clouds.append(cloud[:CLOUD_POINTS])
+            scans.append(random_depth_scans(corners, faces, views, CLOUD_POINTS, generator, RESOLUTION))
+            category.append(kind)
+            period.append(turn_period(cloud[:CLOUD_POINTS], cloud[CLOUD_POINTS:]) if kind < len(categories) else 0.0)
+    if len(clouds) < 2 or not categories:
+        raise PackError("The mesh packs hold too few shapes to recognize; give packs with splits source and train.")
+    return RecognitionData(
+        categories,
+        torch.tensor(category, device=device),
+        torch.stack(clouds).to(device),
+        torch.stack(scans).to(device),
+        torch.tensor(period, device=device),
+    )
+
+
+def turn_period(cloud: Float[Tensor, "points 3"], again: Float[Tensor, "points 3"]) -> float:
+    """Smallest turn about y that maps a shape onto itself, of two samples of it: 2 pi, pi, pi / 2, or 0 if round."""
+    middle = (cloud.amin(0) + cloud.amax(0)) / 2
+    angles = torch.tensor([0.0, math.pi, math.pi / 2, math.pi / 4, math.pi / 6])
+    turned = (again - middle) @ yaw_matrices(angles).mT
+    here = (cloud - middle).expand(len(angles), -1, -1)
+    forth, back = nearest_neighbours(here, turned)[0], nearest_neighbours(turned, here)[0]
+    distance = (forth.sqrt().mean(1) + back.sqrt().mean(1)) / 2
+    half, quarter, eighth, twelfth = (distance[1:] - distance[0] < TURN_TOLERANCE).tolist()
+    if quarter and eighth and twelfth:
+        return 0.0
+    return math.pi / 2 if quarter and half else math.pi if half else 2 * math.pi
