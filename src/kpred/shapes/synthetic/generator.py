@@ -1,4 +1,4 @@
-"""Packs of seeded synthetic furniture, balanced over structural families."""
+"""Packs of seeded synthetic furniture, and of things that are none, balanced over structural families."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ _HOME = {
     "chair": ("chair", "CHAIR_FAMILIES"),
     "table": ("table", "TABLE_FAMILIES"),
     "cabinet": ("cabinet", "CABINET_FAMILIES"),
+    "other": ("others", "OTHER_FAMILIES"),
 }
 _SOURCE_SHARE, _TRAIN_SHARE = 0.15, 0.70
 
@@ -42,7 +43,7 @@ FAMILIES: Mapping[str, dict[str, Family]] = _Families()
 
 
 def generate(category: str, count: int, seed: int, cuboids: float = 0.0, splits: bool = True) -> MeshPack:
-    """Pack of `count` shapes of "chair", "table" or "cabinet"; the families take turns.
+    """Pack of `count` shapes of "chair", "table", "cabinet" or "other"; the families take turns.
 
     Metres, y up, front +z, floor at y = 0, bounding box centred in x and z. Shape i depends only on category, seed
     and i, and a pack with a larger count begins with the same shapes. `cuboids` in [0, 1] is the share of shapes
