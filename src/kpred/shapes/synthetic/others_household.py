@@ -41,8 +41,8 @@ def floor_lamp(rng: np.random.Generator) -> list[Part]:
             foot = (0.25 * np.cos(angle), 0.0, 0.25 * np.sin(angle))
             parts.append(cylinder(0.012, foot, (0.0, 0.6 * height, 0.0), "leg", sides=6))
     else:
-        foot = between(rng, 0.1, 0.2)
-        parts.append(lathe([(foot, 0.0), (foot, 0.02), (0.02, 0.04)], (0.0, 0.0, 0.0), "base"))
+        disc = between(rng, 0.1, 0.2)
+        parts.append(lathe([(disc, 0.0), (disc, 0.02), (0.02, 0.04)], (0.0, 0.0, 0.0), "base"))
     return [*parts, _shade(rng, radius, shade, height - shade)]
 
 
