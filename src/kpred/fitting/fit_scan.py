@@ -16,6 +16,7 @@ import trimesh
 from kpred.database import Database
 from kpred.errors import ConfigError
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
+from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, looks_partial
 from kpred.fitting.placement import check_known_frame, judged, placements, up_axis
 from kpred.fitting.pose import PoseEstimator
@@ -23,6 +24,7 @@ from kpred.fitting.recognise import Reading
 from kpred.fitting.refine import RefineConfig
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Candidate, Fit, Metric
+from kpred.fitting.warnings import warnings_of
 from kpred.nn import Model
 from kpred.ops import nearest_neighbours
 from kpred.shapes.scan import check_points, read_scan
@@ -51,7 +53,7 @@ def fit(
     refine: bool = True,
     *,
     partial: bool | None = None,
-    up: str = "y",
+    up: str = "auto",
     pose: PoseEstimator | str | None = None,
     clean: bool | CleanConfig = True,
     seed: int = 0,
@@ -71,7 +73,7 @@ def fit(
             whole object's unit box, which is the paper's protocol.
         refine: refine keypoints by least squares; False is the paper's protocol.
         partial: whether parts of the object are missing; None finds out.
-        up: the scan's up axis, one of x, y, z, -x, -y, -z, or `auto` (ignored with `frame="known"`).
+        up: the scan's up axis, one of x, y, z, -x, -y, -z; `auto` finds it (ignored with `frame="known"`).
         pose: an estimator of the scan's rotation or its name (`identity`, `upright`, `given:FILE`); None tries the scan
             as it stands and turned about its up axis.
         clean: remove outliers, repeats, pieces of floor and wall, and even out the density first; with
@@ -100,6 +102,7 @@ def fit(
         name = "scan" if isinstance(scan, np.ndarray) else str(scan)
         cloud = scan if isinstance(scan, np.ndarray) else read_scan(scan, seed=seed)
         points = _subsample(check_points(np.asarray(cloud, dtype=np.float64), name), MOST_POINTS, seed)
+        scan_size = len(points)
     known = frame == "known"
     with clock("load"):
         networks, store = as_model(model), as_database(database)
@@ -147,6 +150,9 @@ def fit(
         meshes = _meshes(chosen, candidates[0], store)
         metrics = _metrics(chosen, candidates[0], order[0], known)
         keypoints = store.candidates(chosen.category, [candidates[0].model_id]).keypoints[0]
+    with clock("confidence"):
+        evidence = evidence_of(chosen, order[0], tried, networks.recognizer is not None)
+        sure, of_categories = confidence(evidence), category_probabilities(tried)
     return Fit(
         mesh=meshes[0],
         retrieved_mesh=meshes[1],
@@ -155,8 +161,8 @@ def fit(
         frame=chosen.frame,
         keypoints=chosen.frame.from_unit((keypoints + candidates[0].displacement).astype(np.float64)),
         keypoint_confidence=chosen.candidates.confidence.numpy(),
-        confidence=None,
-        category_confidence={},
+        confidence=sure,
+        category_confidence=of_categories,
         category_errors=_category_errors(tried),
         cleaning=steps,
         partial=bool(partial),
@@ -164,6 +170,8 @@ def fit(
         frame_known=known,
         metrics=metrics,
         timings=clock.seconds,
+        warnings=warnings_of(evidence, sure, chosen.category, of_categories, steps, scan_size),
+        evidence=evidence,
     )
 
 

@@ -49,12 +49,17 @@ class Hypothesis:
         frame: takes the scan into the unit box.
         error: of the best quick fit, unit box squared.
         score: log of how likely the reading is, up to a constant: by the recognizer's odds and by the error.
+        log_odds: of the reading, by the recognizer; 0 where nothing judged it.
+        box_error: mean error expected of the faces of the whole object's box, unit box; 0 where the frame is known, and
+            for full scans.
     """
 
     candidates: Candidates
     frame: Frame
     error: float
     score: float
+    log_odds: float = 0.0
+    box_error: float = 0.0
 
     @property
     def category(self) -> str:
@@ -93,17 +98,17 @@ def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, 
     for category in dict.fromkeys(reading.category for reading in readings):
         tried = [reading for reading in readings if reading.category == category]
         network = search.model[category]
-        frames = _frames(points, tried, network, search, partial)
+        frames, box_errors = _frames(points, tried, network, search, partial)
         clouds = _clouds(points, frames)
         observation = observe(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
         candidates = [
             retrieve(observation, row, search.database, category, search.top_k, partial) for row in range(len(tried))
         ]
         errors = [1.0] if alone else _screen(candidates)
-        for reading, read, frame, error in zip(tried, candidates, frames, errors, strict=True):
+        for reading, read, frame, box_error, error in zip(tried, candidates, frames, box_errors, errors, strict=True):
             # Errors are compared in the scan's unit: boxes differ between readings.
             score = reading.log_odds - ERROR_WEIGHT * math.log(max(error * frame.scale**2, 1e-300))
-            found.append(Hypothesis(read, frame, error, score))
+            found.append(Hypothesis(read, frame, error, score, reading.log_odds, box_error))
     found.sort(key=lambda hypothesis: -hypothesis.score)
     if not alone:
         # They were only compared; the best is read again with all points.
@@ -116,30 +121,33 @@ def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, 
 
 def _frames(
     points: np.ndarray, readings: Sequence[Reading], network: KPRed, search: Search, partial: bool
-) -> list[Frame]:
+) -> tuple[list[Frame], list[float]]:
+    none = [0.0] * len(readings)
     if search.frame_known:
-        return [Frame(center=np.zeros(3), scale=1.0) for _ in readings]
+        return [Frame(center=np.zeros(3), scale=1.0) for _ in readings], none
     frames = [unit_box_frame(points, reading.rotation) for reading in readings]
-    return whole_frames(points, frames, network, search.floor) if partial else frames
+    return whole_frames(points, frames, network, search.floor) if partial else (frames, none)
 
 
 def whole_frames(
     points: np.ndarray, frames: Sequence[Frame], network: KPRed, floor: float | None = None
-) -> list[Frame]:
-    """Frames of the visible box -> frames of the box that the whole object is expected to have.
+) -> tuple[list[Frame], list[float]]:
+    """Frames of the visible box -> frames of the box that the whole object is expected to have, and their errors.
 
-    `floor` is its height along the frames' y axis before they centre and scale; the box then stands on it.
+    The errors are what the network expects, mean over the box's faces, in the new frames' unit box. `floor` is its
+    height along the frames' y axis before they centre and scale; the box then stands on it.
     """
     with torch.inference_mode():
-        corners, _ = network.whole_box(_clouds(points, frames)[:, :SCREEN_POINTS])
-    wholes = []
-    for frame, (low, high) in zip(frames, corners.double().numpy(), strict=True):
+        corners, spread = network.whole_box(_clouds(points, frames)[:, :SCREEN_POINTS])
+    wholes, errors = [], []
+    for frame, (low, high), error in zip(frames, corners.double().numpy(), spread.double().numpy(), strict=True):
         if floor is not None:
             level = (floor - float((frame.rotation @ frame.center)[1])) / frame.scale
             low[1] = min(level, high[1] - 0.05)
         middle, half = (low + high) / 2, float((high - low).max() / 2)
         wholes.append(Frame(frame.from_unit(middle), frame.scale * half, frame.rotation))
-    return wholes
+        errors.append(float(error.mean()) / half)
+    return wholes, errors
 
 
 def looks_partial(reading: Hypothesis) -> bool:

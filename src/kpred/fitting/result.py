@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from kpred.fitting.cleaning import CleaningStep
+from kpred.fitting.confidence import Evidence
 from kpred.ops.frames import Frame
 
 
@@ -63,7 +64,7 @@ class Fit:
         frame: takes the scan into the unit box in which networks and distances work.
         keypoints: (keypoints, 3) of the fitted model, in the scan's frame and units.
         keypoint_confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
-        confidence: probability that the result is right (`kpred.fitting.confidence`); None where it was not judged.
+        confidence: probability that the result is right (`kpred.fitting.confidence`).
         category_confidence: probability of each category tried, most likely first.
         warnings: sentences about what may be wrong with the result, for people.
         category_errors: error of the best quick fit of each category tried, unit box squared, best first.
@@ -72,6 +73,7 @@ class Fit:
         refined: whether keypoints were refined; frame_known: whether the caller vouched for the frame.
         metrics: errors of the result, each with unit and frame.
         timings: seconds per step.
+        evidence: what `confidence` was judged by.
     """
 
     mesh: trimesh.Trimesh
@@ -81,7 +83,7 @@ class Fit:
     frame: Frame
     keypoints: np.ndarray
     keypoint_confidence: np.ndarray
-    confidence: float | None
+    confidence: float
     category_confidence: dict[str, float]
     category_errors: dict[str, float]
     cleaning: tuple[CleaningStep, ...]
@@ -90,6 +92,7 @@ class Fit:
     frame_known: bool
     metrics: tuple[Metric, ...]
     timings: dict[str, float]
+    evidence: Evidence
     warnings: tuple[str, ...] = ()
 
     @property
@@ -104,6 +107,7 @@ class Fit:
             "category": self.category,
             "confidence": self.confidence,
             "warnings": list(self.warnings),
+            "evidence": self.evidence.__dict__,
             "category_confidence": self.category_confidence,
             "category_errors": self.category_errors,
             "cleaning": [step.__dict__ for step in self.cleaning],

@@ -1,0 +1,141 @@
+"""How likely a result is right: what is known about a fit, and a probability calibrated on scans held out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from kpred.fitting.hypotheses import Hypothesis
+from kpred.fitting.upright import yaw_rotation
+from kpred.ops import nearest_neighbours
+from kpred.ops.typing import Float
+
+UNEXPLAINED_DISTANCE = 0.1
+"""Scan points farther than this from the result are not explained by it, unit box."""
+
+SAME_TURN = math.radians(20.0)
+"""Readings whose turns differ by less than this are one, as far as confidence goes."""
+
+SAME_SHAPE = 0.06
+"""A turn leaves a result as it is if the turned one is, in the mean, no farther from it than this, unit box."""
+
+SHAPE_POINTS = 512
+
+TEMPERATURE = 1.0
+"""Scores of readings are divided by this before they are made probabilities."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a fit tells about how far it can be trusted.
+
+    Attributes:
+        error: root mean square distance from the scan to the result, unit box.
+        unexplained: share of the scan's points that are farther than `UNEXPLAINED_DISTANCE` from the result.
+        seen: mean confidence of the keypoints, D_i in [0, 1].
+        category: probability of the category among those tried.
+        turn: probability of the turn among those tried, turns that leave the result as it is being one.
+        odds: the recognizer's log-odds of the reading against "none of the categories"; None where there is none.
+        box: mean error that the network expects of the whole object's box, unit box; 0 where the frame is known.
+    """
+
+    error: float
+    unexplained: float
+    seen: float
+    category: float
+    turn: float
+    odds: float | None
+    box: float
+
+    def features(self) -> Float[np.ndarray, " features"]:
+        """What the logistic regression sees; the last number is the odds, and missing where there are none."""
+        numbers = [
+            1.0,
+            math.log(max(self.error, 1e-3)),
+            min(self.unexplained, 0.5),
+            self.seen,
+            _log_odds(self.category),
+            _log_odds(self.turn),
+            math.log(max(self.box, 1e-2)),
+        ]
+        return np.array(numbers if self.odds is None else [*numbers, max(-8.0, min(8.0, self.odds))])
+
+
+def confidence(evidence: Evidence) -> float:
+    """Probability that category, yaw and surface of a result are right, by `WEIGHTS`."""
+    weights = WEIGHTS_WITHOUT_ODDS if evidence.odds is None else WEIGHTS
+    return float(1.0 / (1.0 + math.exp(-float(np.clip(evidence.features() @ weights, -30, 30)))))
+
+
+def evidence_of(chosen: Hypothesis, row: int, tried: Sequence[Hypothesis], judged: bool) -> Evidence:
+    """Evidence of the result that is row `row` of the chosen hypothesis' candidates.
+
+    Args:
+        chosen: the reading that was taken, refined or not.
+        tried: all readings tried, `chosen` among them.
+        judged: a recognizer gave the readings their odds.
+    """
+    winner = chosen.candidates.take(torch.tensor([row]))
+    squared, _ = nearest_neighbours(winner.target[None], winner.deformed())
+    return Evidence(
+        error=float(squared.mean().sqrt()),
+        unexplained=float((squared > UNEXPLAINED_DISTANCE**2).float().mean()),
+        seen=float(winner.confidence.mean()),
+        category=category_probabilities(tried)[chosen.category],
+        turn=_turn_probability(chosen, winner.deformed()[0], tried),
+        odds=chosen.log_odds if judged else None,
+        box=chosen.box_error,
+    )
+
+
+def category_probabilities(tried: Sequence[Hypothesis]) -> dict[str, float]:
+    """Probability of each category tried, by the best reading of each, the likeliest first."""
+    best: dict[str, float] = {}
+    for one in tried:
+        best[one.category] = max(one.score, best.get(one.category, -math.inf))
+    order = sorted(best, key=lambda name: -best[name])
+    return dict(zip(order, _softmax([best[name] for name in order]), strict=True))
+
+
+def _turn_probability(chosen: Hypothesis, result: torch.Tensor, tried: Sequence[Hypothesis]) -> float:
+    """By the scores of the readings of the same category: those turned otherwise count against the chosen one."""
+    scores, same = [], []
+    for one in tried:
+        if one.category != chosen.category:
+            continue
+        difference = one.frame.rotation @ chosen.frame.rotation.T
+        angle = math.acos(max(-1.0, min(1.0, (float(np.trace(difference)) - 1) / 2)))
+        upright = difference[1, 1] > math.cos(SAME_TURN)
+        scores.append(one.score)
+        same.append(angle < SAME_TURN or (upright and _unchanged(result, difference)))
+    return sum(share for share, is_same in zip(_softmax(scores), same, strict=True) if is_same)
+
+
+def _unchanged(result: torch.Tensor, turn: np.ndarray) -> bool:
+    """Whether a turn about the middle of its box leaves a cloud as it is."""
+    few = result[:: max(1, len(result) // SHAPE_POINTS)]
+    centred = few - (few.amin(0) + few.amax(0)) / 2
+    yaw = math.atan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2])
+    turned = centred @ torch.from_numpy(yaw_rotation(yaw)).float().T
+    spacing = math.sqrt(float(nearest_neighbours(centred[None, ::2], centred[None, 1::2])[0].mean()))
+    squared, _ = nearest_neighbours(centred[None], turned[None].contiguous())
+    return float(squared.sqrt().mean()) - spacing < SAME_SHAPE
+
+
+def _softmax(scores: Sequence[float]) -> list[float]:
+    values = np.exp((np.array(scores) - max(scores)) / TEMPERATURE)
+    return (values / values.sum()).tolist()
+
+
+def _log_odds(probability: float) -> float:
+    clipped = min(max(probability, 1e-3), 1 - 1e-3)
+    return math.log(clipped / (1 - clipped))
+
+
+WEIGHTS = np.array([-3.0, -2.0, -3.0, 2.0, 0.4, 0.3, 0.0, 0.2])
+WEIGHTS_WITHOUT_ODDS = np.array([-3.0, -2.0, -3.0, 2.0, 0.4, 0.3, 0.0])
+"""Of `Evidence.features`: logistic regressions on virtual depth scans (`scripts/calibrate_confidence.py`)."""
