@@ -27,7 +27,10 @@ OTHER = "other"
 """Category of packs of things that are of none of the categories."""
 
 TURN_TOLERANCE = 0.025
-"""A turn maps a shape onto itself if this is all that it adds to the mean distance of two samples, unit box."""
+STRAY_DISTANCE = 0.12
+STRAY_SHARE = 0.04
+"""A turn maps a shape onto itself if this is all that it adds to the mean distance of two samples, unit box, and to the
+share of points that are farther than `STRAY_DISTANCE`: the corners of a square top are few, and yet tell its turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +115,10 @@ def turn_period(cloud: Float[Tensor, "points 3"], again: Float[Tensor, "points 3
     turned = (again - middle) @ yaw_matrices(angles).mT
     here = (cloud - middle).expand(len(angles), -1, -1)
     forth, back = nearest_neighbours(here, turned)[0], nearest_neighbours(turned, here)[0]
-    distance = (forth.sqrt().mean(1) + back.sqrt().mean(1)) / 2
-    half, quarter, eighth, twelfth = (distance[1:] - distance[0] < TURN_TOLERANCE).tolist()
+    ways = torch.cat([forth, back], dim=1).sqrt()
+    distance, stray = ways.mean(1), (ways > STRAY_DISTANCE).float().mean(1)
+    same = (distance[1:] - distance[0] < TURN_TOLERANCE) & (stray[1:] - stray[0] < STRAY_SHARE)
+    half, quarter, eighth, twelfth = same.tolist()
     if quarter and eighth and twelfth:
         return 0.0
     return math.pi / 2 if quarter and half else math.pi if half else 2 * math.pi

@@ -1,0 +1,78 @@
+"""Confidence: what must raise it and what must lower it, turns that change nothing, and what people are told."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from kpred.fitting.candidates import Candidates
+from kpred.fitting.cleaning import CleaningStep
+from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
+from kpred.fitting.hypotheses import Hypothesis
+from kpred.fitting.upright import yaw_rotation
+from kpred.fitting.warnings import warnings_of
+from kpred.ops.frames import Frame
+
+GOOD = Evidence(error=0.03, unexplained=0.0, seen=0.9, category=0.99, turn=0.99, odds=5.0, box=0.05)
+
+
+@pytest.mark.parametrize("odds", [5.0, None])
+@pytest.mark.parametrize(
+    "worse", [{"error": 0.2}, {"unexplained": 0.4}, {"category": 0.4}, {"turn": 0.4}, {"odds": -6.0}], ids=str
+)
+def test_what_speaks_against_a_result_lowers_its_confidence(odds: float | None, worse: dict[str, float]) -> None:
+    good = dataclasses.replace(GOOD, odds=odds)
+    if odds is None and "odds" in worse:
+        worse = {"seen": 0.1}
+    assert 0.0 < confidence(dataclasses.replace(good, **worse)) < confidence(good) < 1.0
+
+
+def test_a_good_fit_is_trusted_and_a_bad_one_is_not() -> None:
+    assert confidence(GOOD) > 0.8
+    assert confidence(Evidence(0.25, 0.5, 0.2, 0.4, 0.4, -8.0, 0.5)) < 0.1
+
+
+def _reading(cloud: torch.Tensor, degrees: float, score: float, category: str = "chair") -> Hypothesis:
+    """One candidate that is the cloud itself, its scan the same cloud."""
+    none = torch.zeros(1, 1, 3)
+    candidates = Candidates(
+        ("a",), category, np.zeros(1), cloud[None], torch.zeros(1, len(cloud), 1), none, cloud, torch.ones(1), True
+    )
+    frame = Frame(np.zeros(3), 1.0, yaw_rotation(math.radians(degrees)))
+    return Hypothesis(candidates, frame, 1e-3, score)
+
+
+@pytest.fixture
+def square_and_bar(rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+    """A square plate, which a quarter turn leaves as it is, and a bar, which only half a turn does."""
+    points = torch.from_numpy(rng.uniform(-1, 1, (2048, 3))).float()
+    return points * torch.tensor([1.0, 0.1, 1.0]), points * torch.tensor([1.0, 0.1, 0.2])
+
+
+def test_turns_that_change_nothing_are_no_doubt(square_and_bar: tuple[torch.Tensor, torch.Tensor]) -> None:
+    for cloud, quarter, half in zip(square_and_bar, (1.0, 0.5), (1.0, 1.0), strict=True):
+        for degrees, expected in ((90.0, quarter), (180.0, half), (5.0, 1.0)):
+            tried = [_reading(cloud, 0.0, 2.0), _reading(cloud, degrees, 2.0)]
+            assert evidence_of(tried[0], 0, tried, True).turn == pytest.approx(expected)
+
+
+def test_a_category_has_the_odds_of_its_best_reading(square_and_bar: tuple[torch.Tensor, torch.Tensor]) -> None:
+    cloud = square_and_bar[0]
+    tried = [_reading(cloud, 0, 3.0), _reading(cloud, 90, 2.9), _reading(cloud, 0, 1.0, "table")]
+    found = category_probabilities(tried)
+    assert list(found) == ["chair", "table"] and sum(found.values()) == pytest.approx(1.0)
+    assert category_probabilities(tried[:1]) == {"chair": 1.0}
+    assert found["chair"] == category_probabilities([tried[0], tried[2]])["chair"]
+
+
+def test_people_are_told_what_to_look_at() -> None:
+    fine = warnings_of(GOOD, 0.97, "chair", {"chair": 0.99, "table": 0.01}, (), 2000)
+    assert fine == ()
+    doubtful = dataclasses.replace(GOOD, category=0.6, turn=0.5, unexplained=0.3, odds=-3.0)
+    steps = (CleaningStep("outliers", 1500, ""), CleaningStep("density", 400, ""))
+    found = warnings_of(doubtful, 0.2, "chair", {"chair": 0.6, "table": 0.4}, steps, 2000)
+    assert len(found) == 5
+    for words in ("no chair or table", "a table as well", "another way", "30 %", "75 %"):
+        assert any(words in sentence for sentence in found), words

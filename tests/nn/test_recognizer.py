@@ -1,0 +1,78 @@
+"""The recognizer: what its answers do not depend on, how far it corrects, and that it comes back from its folder."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from kpred.errors import ConfigError, ModelError
+from kpred.nn import Recognizer, RecognizerConfig, load_model, load_recognizer, save_network, save_recognizer
+from kpred.nn.recognizer import MOST_TURN, robust_unit_box
+
+CONFIG = RecognizerConfig(("chair", "table"), width=16, blocks=1)
+
+
+@pytest.fixture
+def recognizer(seed: int) -> Recognizer:
+    network = Recognizer(CONFIG)
+    for parameter in network.parameters():
+        parameter.data += 0.05 * torch.randn_like(parameter)
+    return network.eval()
+
+
+def test_answers_for_every_category_and_none(recognizer: Recognizer, clouds: torch.Tensor) -> None:
+    logits, turn = recognizer(clouds)
+    assert logits.shape == (3, 3) and turn.shape == (3,)
+    assert not torch.allclose(logits[0], logits[1])
+
+
+def test_answers_do_not_depend_on_order_place_and_unit(recognizer: Recognizer, clouds: torch.Tensor) -> None:
+    wanted = recognizer(clouds)
+    order = torch.randperm(clouds.shape[1])
+    for other in (clouds[:, order], clouds * 1000.0, clouds + torch.tensor([3.0, -2.0, 5.0])):
+        for one, two in zip(wanted, recognizer(other), strict=True):
+            assert torch.allclose(one, two, atol=1e-4)
+
+
+def test_the_correction_of_a_turn_is_bounded(recognizer: Recognizer, clouds: torch.Tensor) -> None:
+    recognizer.output.bias.data[-1] = 1000.0
+    assert torch.allclose(recognizer(clouds)[1], torch.full((3,), MOST_TURN))
+
+
+def test_a_few_strays_do_not_move_the_box(clouds: torch.Tensor) -> None:
+    boxed = robust_unit_box(clouds)
+    strays = clouds.clone()
+    strays[:, :4] = 50.0
+    assert (robust_unit_box(strays)[:, 4:] - boxed[:, 4:]).abs().max() < 0.1
+
+
+def test_config_round_trip_and_refusals() -> None:
+    assert RecognizerConfig.from_dict(json.loads(json.dumps(CONFIG.to_dict()))) == CONFIG
+    with pytest.raises(ConfigError, match="no_such"):
+        RecognizerConfig.from_dict({**CONFIG.to_dict(), "no_such": 1})
+    for broken in ({"width": 0}, {"blocks": -1}, {"width": "wide"}):
+        with pytest.raises(ConfigError):
+            RecognizerConfig.from_dict({**CONFIG.to_dict(), **broken})
+
+
+def test_it_comes_back_from_beside_the_categories(
+    recognizer: Recognizer, clouds: torch.Tensor, tmp_path: Path, small
+) -> None:
+    for category in CONFIG.categories:
+        save_network(small(category=category), tmp_path / category)
+    assert load_model(tmp_path).recognizer is None
+    save_recognizer(recognizer, tmp_path / "recognizer")
+    model = load_model(tmp_path)
+    assert model.categories == CONFIG.categories and model.recognizer is not None
+    for one, two in zip(recognizer(clouds), model.recognizer(clouds), strict=True):
+        assert torch.allclose(one, two, atol=0.02)  # weights are kept in half precision
+    assert model.recognizer.config == CONFIG
+
+
+def test_a_damaged_folder_is_named(recognizer: Recognizer, tmp_path: Path) -> None:
+    save_recognizer(recognizer, tmp_path)
+    weights = tmp_path / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:200])
+    with pytest.raises(ModelError, match=r"model\.safetensors"):
+        load_recognizer(tmp_path)

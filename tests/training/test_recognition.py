@@ -1,0 +1,124 @@
+"""Training of the recognizer: what its batches teach, symmetries that excuse a turn, exact resume, its record."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from kpred.errors import CheckpointError, ConfigError, PackError
+from kpred.nn import Recognizer, RecognizerConfig, load_recognizer
+from kpred.shapes.pack import MeshPack
+from kpred.shapes.synthetic.generator import generate
+from kpred.training.config import StageConfig
+from kpred.training.recognition import RIGHT, WRONG, RecognitionStage, smallest_turn, train_recognizer
+from kpred.training.recognition_config import RecognitionConfig
+from kpred.training.recognition_data import RecognitionData, prepare_recognition, turn_period
+
+SMALL = RecognizerConfig(width=16, blocks=1)
+CONFIG = RecognitionConfig(optimisation=StageConfig(steps=5, batch=8), points=64, views=1, checkpoint_every=2)
+
+
+class Stopped(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def packs() -> list[MeshPack]:
+    return [generate(name, 3, seed=3, splits=False) for name in ("table", "chair", "other")]
+
+
+@pytest.fixture(scope="module")
+def data(packs: list[MeshPack]) -> RecognitionData:
+    return prepare_recognition(packs, 1, 0)
+
+
+def test_other_things_are_of_no_category(data: RecognitionData) -> None:
+    assert data.categories == ("chair", "table")
+    assert sorted(data.category.tolist()) == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert data.clouds.abs().max() <= 1.001
+
+
+def test_categories_are_drawn_equally_often(data: RecognitionData, generator: torch.Generator) -> None:
+    lopsided = dataclasses.replace(data, category=torch.tensor([0, 0, 0, 0, 0, 0, 1, 2, 2]))
+    drawn = lopsided.category[lopsided.draw(4000, 0.2, generator)]
+    shares = torch.bincount(drawn, minlength=3) / 4000
+    assert torch.allclose(shares, torch.tensor([0.4, 0.4, 0.2]), atol=0.04)
+    without = dataclasses.replace(data, category=torch.tensor([0, 0, 0, 1, 1, 1, 1, 1, 1]))
+    assert torch.bincount(without.category[without.draw(500, 0.2, generator)], minlength=3)[2] == 0
+
+
+@pytest.mark.parametrize(
+    ("outline", "period"), [("bar", math.pi), ("square", math.pi / 2), ("round", 0.0), ("wedge", 2 * math.pi)]
+)
+def test_symmetries_of_plain_outlines(outline: str, period: float, generator: torch.Generator) -> None:
+    points = 2 * torch.rand(12000, 3, generator=generator) - 1
+    points[:, 1] *= 0.02
+    if outline == "bar":
+        points[:, 2] *= 0.3
+    elif outline == "round":
+        points = points[points[:, ::2].norm(dim=1) < 1]
+    elif outline == "wedge":
+        points = points[points[:, 2] > points[:, 0]]
+    assert turn_period(points[:2000], points[2000:4000]) == pytest.approx(period)
+
+
+def test_the_smallest_turn_leads_to_an_equal_shape() -> None:
+    off = torch.tensor([0.1, math.pi + 0.1, math.pi / 2 + 0.1, 3.0])
+    for period, expected in ((math.pi, [0.1, 0.1, math.pi / 2 + 0.1 - math.pi, 3.0 - math.pi]), (0.0, [0.0] * 4)):
+        found = smallest_turn(off, torch.full((4,), period))
+        assert torch.allclose(found, torch.tensor(expected), atol=1e-5)
+
+
+def test_a_batch_teaches_right_turns_as_right_and_wrong_ones_as_none(data: RecognitionData) -> None:
+    # All shapes have a front here, nothing is tilted, and nothing is of another kind.
+    fronted = dataclasses.replace(data, period=torch.full_like(data.period, 2 * math.pi))
+    config = dataclasses.replace(CONFIG, others=0.0, tilted=0.0, optimisation=StageConfig(steps=1, batch=256))
+    work = RecognitionStage(Recognizer(dataclasses.replace(SMALL, categories=data.categories)), fronted, config)
+    clouds, answer, turn, teaches = work.batch(torch.Generator().manual_seed(0))
+    assert clouds.shape == (256, 64, 3)
+    off = turn.abs()
+    assert (answer[off <= RIGHT] < 2).all() and (answer[off >= WRONG] == 2).all()
+    assert (answer[(off > RIGHT) & (off < WRONG)] == -1).all()
+    assert (off <= RIGHT).any() and (off >= WRONG).any() and not teaches[off > 0.5].any()
+
+
+def test_resumed_equals_uninterrupted(packs: list[MeshPack], tmp_path: Path) -> None:
+    whole = train_recognizer(packs, CONFIG, tmp_path / "whole", model=SMALL)
+
+    def stop(_stage: str, done: int, _total: int, _losses: dict[str, float]) -> None:
+        if done == 3:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        train_recognizer(packs, CONFIG, tmp_path / "cut", report=stop, model=SMALL)
+    resumed = train_recognizer(packs, CONFIG, tmp_path / "cut", model=SMALL)
+    assert all(
+        torch.equal(a, b) for a, b in zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True)
+    )
+    with pytest.raises(CheckpointError, match="other settings"):
+        train_recognizer(packs, dataclasses.replace(CONFIG, noise=0.5), tmp_path / "cut", model=SMALL)
+
+
+def test_weights_and_record_lie_in_the_model_folder(packs: list[MeshPack], tmp_path: Path) -> None:
+    network = train_recognizer(packs, CONFIG, tmp_path, model=SMALL)
+    assert load_recognizer(tmp_path / "model").config == network.config
+    record = json.loads((tmp_path / "model" / "training.json").read_text())
+    assert record["shapes"] == {"chair": 3, "table": 3, "other": 3}
+
+
+def test_it_learns_to_tell_chairs_from_tables(packs: list[MeshPack], tmp_path: Path) -> None:
+    losses: list[float] = []
+    config = dataclasses.replace(CONFIG, optimisation=StageConfig(steps=60, batch=16), turn_weight=0.0)
+    train_recognizer(packs, config, tmp_path, report=lambda *facts: losses.append(facts[3]["answer"]), model=SMALL)
+    assert sum(losses[-10:]) < 0.9 * sum(losses[:10])
+
+
+def test_impossible_settings_and_packs_are_refused(packs: list[MeshPack], tmp_path: Path) -> None:
+    for broken in ({"points": 8}, {"views": 0}, {"right": 0.8, "quarter": 0.4}, {"others": -0.1}):
+        with pytest.raises(ConfigError):
+            RecognitionConfig(**broken)
+    with pytest.raises(PackError, match="too few"):
+        train_recognizer([packs[2]], CONFIG, tmp_path, model=SMALL)
