@@ -2,7 +2,8 @@
 
     python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation rows.json]
 
-RUNS_FOLDER holds a run of `kpred train` for each category; INFINIGEN_FOLDER the infinigen mesh packs.
+RUNS_FOLDER holds a run of `kpred train` for each category and for the recognizer, or for some of them; a run of the
+partial stage alone, started from the bundled weights, replaces only that. INFINIGEN_FOLDER has infinigen's packs.
 Everything in the bundle is made from the generator and from infinigen alone.
 """
 
@@ -12,12 +13,13 @@ import argparse
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from kpred.database import Database, build_database
-from kpred.nn import load_model, load_network, save_network
+from kpred.nn import load_model, load_network, load_recognizer, save_network, save_recognizer
 from kpred.ops import depth_scan
 from kpred.shapes import MeshPack
 from kpred.shapes.synthetic.generator import generate
@@ -26,6 +28,8 @@ CATEGORIES = ("chair", "table", "cabinet")
 BUNDLED = Path(__file__).resolve().parents[1] / "src" / "kpred" / "bundled"
 GENERATED, REDISTRIBUTED = 60, 60
 """Models a category in the starter database: from the generator, and from infinigen."""
+PARTIAL_RECORD = "training_partial.json"
+"""Record of a later training of the partial stage alone."""
 DATABASE_SEED = 11
 """A seed of the generator that training does not use."""
 
@@ -50,11 +54,19 @@ def main() -> None:
 
 
 def copy_weights(runs: Path) -> None:
-    """Half-precision weights and the record of their training."""
+    """Half-precision weights and the records of their training, of the runs that are there."""
     for category in CATEGORIES:
-        target = BUNDLED / "model" / category
-        save_network(load_network(runs / category / "model"), target)
-        shutil.copy(runs / category / "model" / "training.json", target / "training.json")
+        run, target = runs / category / "model", BUNDLED / "model" / category
+        if not run.is_dir():
+            continue
+        save_network(load_network(run), target)
+        record = json.loads((run / "training.json").read_text())
+        alone = record["stages"] == ["partial"]
+        shutil.copy(run / "training.json", target / (PARTIAL_RECORD if alone else "training.json"))
+    if (runs / "recognizer" / "model").is_dir():
+        target = BUNDLED / "model" / "recognizer"
+        save_recognizer(load_recognizer(runs / "recognizer" / "model"), target)
+        shutil.copy(runs / "recognizer" / "model" / "training.json", target / "training.json")
 
 
 def make_database(infinigen: Path) -> None:
@@ -93,63 +105,117 @@ def make_scan(infinigen: Path) -> None:
 
 
 def write_cards(evaluation: Path | None) -> None:
-    """One model card a category: data, steps, seed, measured numbers."""
+    """Model cards: data, steps, seed, measured numbers."""
     rows = json.loads(evaluation.read_text())["rows"] if evaluation else []
     for category in CATEGORIES:
         folder = BUNDLED / "model" / category
-        record = json.loads((folder / "training.json").read_text())
-        network = load_network(folder)
-        training, model = record["training"], record["model"]
-        size = (folder / "model.safetensors").stat().st_size / 1e6
-        steps = ", ".join(f"{stage} {training[stage]['steps']}" for stage in ("deformation", "retrieval", "partial"))
-        lines = [
-            f"# kpred: {category}",
-            "",
-            f"Networks of KP-RED for the category {category}: 12 semantic keypoints, neural-cage influence, retrieval",
-            "tokens, and their twins for partial scans. Coordinates: unit box, y up, front +z.",
-            "",
-            "| | |",
-            "|---|---|",
-            f"| fingerprint | `{network.fingerprint()}` |",
-            f"| file | model.safetensors, half precision, {size:.1f} MB |",
-            f"| parameters | {sum(p.numel() for p in network.parameters()):,} |",
-            f"| trained on | {record['shapes']['targets']} shapes: this project's generator "
-            f"(`kpred data generate {category} -n 1500 --seed 1 --cuboids 0.4`, splits source and train) and "
-            "infinigen (splits source and train); nothing else |",
-            f"| steps | {steps}; batch {training['deformation']['batch']} "
-            f"(retrieval {training['retrieval']['batch']}) |",
-            f"| seed | {training['seed']} |",
-            f"| command | {COMMAND.format(category=category, **training)} |",
-            "| hardware | CPU, one thread |",
-            f"| cage, influence, keypoint head | {model['cage']}, {model['influence']}, {model['keypoint_head']} |",
-            "",
-            "Shapes of infinigen are output of Infinigen 1.15.5 (generator code BSD-3-Clause).",
-            "",
-        ]
-        mine = [row for row in rows if row["category"] == category and row["metric"] in REPORTED]
-        if mine:
-            lines += [
-                "## Measured",
-                "",
-                "`kpred evaluate`; unit box squared, known unit box, mean over instances, best of 10.",
-                "",
-                "| data | split | n | metric | value | relative to nearest undeformed |",
-                "|---|---|---|---|---|---|",
-            ]
-            for row in mine:
-                ratio = row.get("ratio_to_undeformed")
-                lines.append(
-                    f"| {row['dataset']} | {row['split']} | {row['n']} | {row['metric']} | {row['value']:.5f} | "
-                    f"{'' if ratio is None else format(ratio, '.2f')} |"
-                )
-            lines.append("")
-        (folder / "README.md").write_text("\n".join(lines))
+        card = [*_category_card(category, folder), *_measured(category, rows)]
+        (folder / "README.md").write_text("\n".join(card))
+    folder = BUNDLED / "model" / "recognizer"
+    if folder.is_dir():
+        (folder / "README.md").write_text("\n".join(_recognizer_card(folder)))
+
+
+def _category_card(category: str, folder: Path) -> list[str]:
+    record = json.loads((folder / "training.json").read_text())
+    network = load_network(folder)
+    training, model = record["training"], network.config
+    steps = ", ".join(f"{stage} {training[stage]['steps']}" for stage in ("deformation", "retrieval"))
+    partial, partial_command = training["partial"]["steps"], ""
+    if (folder / PARTIAL_RECORD).exists():
+        later = json.loads((folder / PARTIAL_RECORD).read_text())
+        partial = later["training"]["partial"]["steps"]
+        partial_command = "; then " + PARTIAL_COMMAND.format(
+            category=category, steps=partial, count=later["shapes"]["packs"][1], shapes=later["shapes"]["targets"]
+        )
+    return [
+        f"# kpred: {category}",
+        "",
+        f"Networks of KP-RED for the category {category}: 12 semantic keypoints, neural-cage influence, retrieval",
+        "tokens, and their twins for partial scans. Coordinates: unit box, y up, front +z.",
+        "",
+        "| | |",
+        "|---|---|",
+        f"| fingerprint | `{network.fingerprint()}` |",
+        f"| file | model.safetensors, half precision, {_megabytes(folder)} MB |",
+        f"| parameters | {sum(p.numel() for p in network.parameters()):,} |",
+        f"| trained on | {record['shapes']['targets']} shapes: this project's generator "
+        f"(`kpred data generate {category} -n 1500 --seed 1 --cuboids 0.4`, splits source and train) and "
+        "infinigen (splits source and train); nothing else |",
+        f"| steps | {steps}, partial {partial}; batch {training['deformation']['batch']} "
+        f"(retrieval {training['retrieval']['batch']}) |",
+        f"| seed | {training['seed']} |",
+        f"| command | {COMMAND.format(category=category, **training)}{partial_command} |",
+        "| hardware | CPU, one thread |",
+        f"| cage, influence, keypoint head | {model.cage}, {model.influence}, {model.keypoint_head} |",
+        "",
+        "Shapes of infinigen are output of Infinigen 1.15.5 (generator code BSD-3-Clause).",
+        "",
+    ]
+
+
+def _measured(category: str, rows: list[dict[str, Any]]) -> list[str]:
+    mine = [row for row in rows if row["category"] == category and row["metric"] in REPORTED]
+    if not mine:
+        return []
+    lines = [
+        "## Measured",
+        "",
+        "`kpred evaluate shapes`; unit box squared, known unit box, mean over instances, best of 10.",
+        "",
+        "| data | split | n | metric | value | relative to nearest undeformed |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in mine:
+        ratio = row.get("ratio_to_undeformed")
+        lines.append(
+            f"| {row['dataset']} | {row['split']} | {row['n']} | {row['metric']} | {row['value']:.5f} | "
+            f"{'' if ratio is None else format(ratio, '.2f')} |"
+        )
+    return [*lines, ""]
+
+
+def _recognizer_card(folder: Path) -> list[str]:
+    record = json.loads((folder / "training.json").read_text())
+    network, training = load_recognizer(folder), record["training"]
+    numbers = ", ".join(f"{count} of {name}" for name, count in record["shapes"].items())
+    return [
+        "# kpred: recognizer",
+        "",
+        f"Tells of a scan as it stands (y up) whether it is a {', '.join(network.config.categories)} that faces +z, or",
+        "none of them, and the small turn that is missing. Any unit; whole or partial.",
+        "",
+        "| | |",
+        "|---|---|",
+        f"| file | model.safetensors, half precision, {_megabytes(folder)} MB |",
+        f"| parameters | {sum(p.numel() for p in network.parameters()):,} |",
+        f"| trained on | {numbers}: this project's generator (`kpred data generate CATEGORY -n 900 --seed 21 --cuboids "
+        "0.4`, `kpred data generate other -n 1500 --seed 5`) and infinigen, splits source and train; nothing else |",
+        f"| steps | {training['optimisation']['steps']}; batch {training['optimisation']['batch']}, "
+        f"{training['points']} points |",
+        f"| seed | {training['seed']} |",
+        f"| command | `kpred train recognition INFINIGEN/*.npz GENERATED/*.npz --optimisation.steps "
+        f"{training['optimisation']['steps']} --precision {training['precision']}` |",
+        "| hardware | CPU, one thread |",
+        "",
+        "Shapes of infinigen are output of Infinigen 1.15.5 (generator code BSD-3-Clause).",
+        "",
+    ]
+
+
+def _megabytes(folder: Path) -> str:
+    return f"{(folder / 'model.safetensors').stat().st_size / 1e6:.1f}"
 
 
 COMMAND = (
     "`kpred train all INFINIGEN/{category}.npz GENERATED/{category}.npz --deformation.steps {deformation[steps]} "
     "--retrieval.steps {retrieval[steps]} --retrieval.batch {retrieval[batch]} --partial.steps {partial[steps]}`, "
     "stage by stage; the generated shapes are those of commit 2567e1e, the generator was mended a little since"
+)
+PARTIAL_COMMAND = (
+    "`kpred train partial INFINIGEN/{category}.npz GENERATED/{category}.npz --start-from bundled --source-split source "
+    "--partial.steps {steps}` on {shapes} shapes, the generated ones by `kpred data generate {category} -n {count} "
+    "--seed 21 --cuboids 0.4`"
 )
 REPORTED = ("undeformed_nearest", "no_learning", "feed_forward", "refined", "sampling_floor")
 

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -80,7 +81,8 @@ def train(
     for stage in order:
         if stage in stages:
             train_stage(network, data, config, stage, folder, report=report, resume=resume)
-    _record(folder, model_config, config, packs, len(data.sources), len(data.targets))
+    shapes = {"packs": [len(pack) for pack in packs], "sources": len(data.sources), "targets": len(data.targets)}
+    _record(folder, model_config, config, wanted, start_from, shapes)
     return network
 
 
@@ -119,13 +121,20 @@ def _made(folder: Path) -> Iterator[None]:
 
 
 def _record(
-    folder: Path, model_config: ModelConfig, config: TrainConfig, packs: Sequence[MeshPack], sources: int, targets: int
+    folder: Path,
+    model_config: ModelConfig,
+    config: TrainConfig,
+    stages: Sequence[str],
+    start_from: str | os.PathLike[str] | None,
+    shapes: dict[str, Any],
 ) -> None:
     """What the weights were made of, beside them: the facts of the model card."""
     values = {
         "model": model_config.to_dict(),
+        "stages": list(stages),
+        "start_from": None if start_from is None else str(start_from),
         "training": config.to_dict(),
-        "shapes": {"packs": [len(pack) for pack in packs], "sources": sources, "targets": targets},
+        "shapes": shapes,
     }
     with atomic_path(folder / "model" / "training.json") as temporary:
         temporary.write_text(json.dumps(values, indent=2) + "\n")
