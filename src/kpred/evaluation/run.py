@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 import os
-import platform
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
 import torch
 
-from kpred import __version__
-from kpred.database import Database, build_database
+from kpred.database import Database
 from kpred.errors import ConfigError, PackError
 from kpred.evaluation.baselines import NoLearning
+from kpred.evaluation.header import made_by, versions
 from kpred.evaluation.protocols import FULL, PARTIAL, Bench, measure
 from kpred.evaluation.rows import FRAME, UNIT, Row, Score, aggregate
+from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
 from kpred.evaluation.targets import read_targets
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
-from kpred.shapes import MeshPack, open_shapes
+from kpred.shapes import MeshPack
 
 OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
-SOURCE_SPLIT = "source"
 ALL = "all"
-
-Progress = Callable[[str, int, int], None]
-"""Called with (what is being done, done, total)."""
 
 
 def _warn(message: str) -> None:
@@ -137,8 +130,7 @@ def run_header(
     """What the rows of a run were made by, as plain values: model, database, seed, versions and how to read them."""
     path = database.path if isinstance(database, Database) else database
     return {
-        "model": model.name,
-        "fingerprints": {category: network.fingerprint() for category, network in model.items()},
+        **made_by(model),
         "database": f"built from the split '{SOURCE_SPLIT}' of each pack" if path is None else str(path),
         "split": split,
         "protocol": protocol,
@@ -151,11 +143,7 @@ def run_header(
         "frame": FRAME,
         "remarks": list(remarks),
         "note": "mean over instances; the numbers of published tables are most likely 10^2 times these",
-        "versions": {
-            "kpred": __version__,
-            "python": platform.python_version(),
-            **{name: _version(name) for name in ("torch", "numpy", "numba", "trimesh", "SQLAlchemy")},
-        },
+        "versions": versions(),
     }
 
 
@@ -183,15 +171,15 @@ def _measure_pack(
     name = f"{file.resolve().parent.name}/{pack.category}"
     network = model[pack.category]
     targets = read_targets(pack, str(file), plan.split, plan.limit, plan.seed, report)
-    building = _counter(progress, f"{name}: database", len(pack.indices(SOURCE_SPLIT)))
-    with _searched(file, model, database, plan.seed, building, report) as store:
+    building = counter(progress, f"{name}: database", len(pack.indices(SOURCE_SPLIT)))
+    with searched([file], model, database, plan.seed, building, report) as store:
         arrays = store.candidates(pack.category)
         known = set(arrays.model_ids) & {target.model_id for target in targets}
         if known:
             report(f"{file}: {len(known)} of {len(targets)} targets are in the database; their errors say little.")
         shapes = torch.from_numpy(arrays.points)
         baseline = NoLearning.build(
-            arrays.model_ids, pack.category, shapes, _counter(progress, f"{name}: baseline", len(shapes))
+            arrays.model_ids, pack.category, shapes, counter(progress, f"{name}: baseline", len(shapes))
         )
         bench = Bench(network, store, baseline, plan.top_k, plan.refinement, plan.oracle)
         scores: list[Score] = []
@@ -213,38 +201,6 @@ def _check(file: Path, pack: MeshPack, model: Model, split: str, needs_source: b
         raise PackError(f"{file}: no shape is in the split '{SOURCE_SPLIT}' to search; give a database.")
 
 
-@contextmanager
-def _searched(
-    file: Path,
-    model: Model,
-    database: Database | str | os.PathLike[str] | None,
-    seed: int,
-    progress: Callable[[int], None] | None,
-    report: Callable[[str], None],
-) -> Iterator[Database]:
-    """The database to search: the given one, or a temporary one of the pack's own source shapes."""
-    if isinstance(database, Database):
-        database.check_model(model)
-        yield database
-    elif database is not None:
-        with Database.open(database, read_only=True) as store:
-            store.check_model(model)
-            yield store
-    else:
-        with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
-            path = Path(folder) / "source.kpred"
-            shapes = open_shapes(file, split=SOURCE_SPLIT, report=report)
-            built = build_database(path, shapes, model, seed=seed, progress=progress)
-            for model_id, reason in built.failed:
-                report(f"left out of the database: {model_id}: {reason}")
-            with Database.open(path, read_only=True) as store:
-                yield store
-
-
-def _counter(progress: Progress | None, name: str, total: int) -> Callable[[int], None] | None:
-    return None if progress is None else lambda done: progress(name, done, total)
-
-
 def _numbers(top_k: int | Sequence[int]) -> tuple[int, ...]:
     numbers = (top_k,) if isinstance(top_k, int) else tuple(top_k)
     if not numbers or min(numbers) < 1:
@@ -262,10 +218,3 @@ def _steps(protocol: str, occlusions: Sequence[float]) -> tuple[tuple[str, float
             raise ConfigError(f"Occlusions must be shares from 0 to 0.95, but are {list(occlusions)}.")
         steps += [(PARTIAL, float(share)) for share in occlusions]
     return tuple(steps)
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"

@@ -1,9 +1,9 @@
 """Turns about the vertical that leave a shape as it is, and yaw errors that do not count them.
 
 The law: a surface is symmetric under a turn about the vertical axis through the middle of its box if it and its turned
-copy lie on average less than `TOLERANCE` of the box's longest side from each other (both ways), and of neither more
-than `STRAY_SHARE` is farther than `STRAY_DISTANCE` of that side: a shelf's missing front is a small part of its
-surface, and yet tells front from back.
+copy lie on average less than `TOLERANCE` from each other (both ways), and of neither more than `STRAY_SHARE` is farther
+than `STRAY_DISTANCE`: a shelf's missing front is a small part of its surface, and yet tells front from back. Distances
+are shares of the longer horizontal side, since height does not make a turn smaller.
 """
 
 from __future__ import annotations
@@ -52,19 +52,26 @@ def vertical_symmetry(surface: Float[np.ndarray, "points 3"]) -> Symmetry:
     """The largest of the groups of `SYMMETRIES` all turns of which leave a surface as it is.
 
     Args:
-        surface: points spread evenly over the whole surface, in random order, y up, any unit. Their spacing adds to
-            the distances: take 8192 of them.
+        surface: points spread evenly over the whole surface, in random order, y up, any unit. Take 8192 of them: what
+            their spacing adds to distances is taken off, but hides smaller differences.
     """
     points = np.asarray(surface, dtype=np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
-    centred = (points - (low + high) / 2) / (high - low).max()
+    side = float(max(high[0] - low[0], high[2] - low[2]))
+    if side <= 0:
+        return ROUND
+    centred = (points - (low + high) / 2) / side
     tree = cKDTree(centred)
+    queries = centred[:_QUERIED]
+    spacing = float(tree.query(queries, k=2)[0][:, 1].mean())
 
     def same(degrees: float) -> bool:
         # The way back, from the surface to its turned copy, is the way of the opposite turn.
-        ways = [tree.query(turned(centred[:_QUERIED], way))[0] for way in (degrees, -degrees)]
-        stray = max(float((way > STRAY_DISTANCE).mean()) for way in ways)
-        return float(np.mean(ways)) < TOLERANCE and stray <= STRAY_SHARE
+        ways = [tree.query(turned(queries, way))[0] for way in (degrees, -degrees)]
+        stray = max(float((way > max(STRAY_DISTANCE, 3 * spacing)).mean()) for way in ways)
+        # A copy that lies a little off the surface is a little off and as far along it as samples are apart.
+        off = max(float(np.mean(ways)) ** 2 - spacing**2, 0.0) ** 0.5
+        return off < TOLERANCE and stray <= STRAY_SHARE
 
     if not same(180.0):
         return NONE

@@ -66,13 +66,8 @@ def read_targets(
         PackError: the pack has no shape with a surface in this split.
         ConfigError: the limit is below 1.
     """
-    if limit is not None and limit < 1:
-        raise ConfigError(f"The limit of targets must be at least 1, but is {limit}.")
-    rows = pack.indices(split)
-    if limit is not None:
-        rows = np.sort(np.random.default_rng(seed).permutation(rows)[:limit])
     targets = []
-    for row in rows.tolist():
+    for row in chosen_rows(pack, split, limit, seed):
         try:
             targets.append(make_target(pack[row], str(pack.model_id[row]), seed))
         except MeshError as error:
@@ -80,3 +75,17 @@ def read_targets(
     if not targets:
         raise PackError(f"{name}: no shape of the split '{split}' has a surface; choose another split.")
     return targets
+
+
+def chosen_rows(pack: MeshPack, split: str, limit: int | None, seed: int) -> list[int]:
+    """Positions in the pack of one split's shapes; with `limit` a random subset by seed, nested in a larger limit's.
+
+    Raises:
+        ConfigError: the limit is below 1.
+    """
+    if limit is not None and limit < 1:
+        raise ConfigError(f"The limit of targets must be at least 1, but is {limit}.")
+    rows = pack.indices(split)
+    if limit is not None:
+        rows = np.sort(np.random.default_rng(seed).permutation(rows)[:limit])
+    return [int(row) for row in rows]

@@ -1,0 +1,90 @@
+"""How sure a mean, a ratio of means or a share is: 95 % intervals over instances.
+
+Means and ratios: percentile bootstrap, instances drawn with replacement; a ratio draws its pairs together. Shares:
+Wilson's score interval, which is not empty where all instances agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpred.ops.typing import Float
+
+RESAMPLES = 2000
+LEVEL = 0.95
+_NORMAL = 1.959963984540054
+"""Quantile of the normal distribution that leaves (1 - LEVEL) / 2 above it."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate and where it lies with 95 % confidence; `low` and `high` are None for fewer than two instances."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+def mean_interval(values: Sequence[float], seed: int) -> Interval:
+    """Mean of at least one value, unit of the values."""
+    sample = np.asarray(values, dtype=np.float64)
+    return Interval(float(sample.mean()), *_bootstrap(len(sample), lambda rows: sample[rows].mean(axis=1), seed))
+
+
+def median_interval(values: Sequence[float], seed: int) -> Interval:
+    """Median of at least one value, unit of the values."""
+    sample = np.asarray(values, dtype=np.float64)
+
+    def median(rows: np.ndarray) -> np.ndarray:
+        found: np.ndarray = np.median(sample[rows], axis=1)
+        return found
+
+    return Interval(float(np.median(sample)), *_bootstrap(len(sample), median, seed))
+
+
+def ratio_interval(above: Sequence[float], below: Sequence[float], seed: int) -> Interval:
+    """Mean of `above` / mean of `below`; the two are measured on the same instances, in the same order.
+
+    Where all of `below` is 0 the ratio is infinite.
+    """
+    over, under = np.asarray(above, dtype=np.float64), np.asarray(below, dtype=np.float64)
+    if over.shape != under.shape:
+        raise ValueError(f"A ratio needs pairs, but has {len(over)} and {len(under)} values.")
+
+    def ratio(rows: np.ndarray) -> np.ndarray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: np.ndarray = over[rows].mean(axis=1) / under[rows].mean(axis=1)
+        return found
+
+    return Interval(float(ratio(np.arange(len(over))[None])[0]), *_bootstrap(len(over), ratio, seed))
+
+
+def share_interval(hits: Sequence[bool]) -> Interval:
+    """Share of true values among at least one."""
+    n = len(hits)
+    share = sum(hits) / n
+    if n < 2:
+        return Interval(share, None, None)
+    spread = _NORMAL * math.sqrt(share * (1 - share) / n + _NORMAL**2 / (4 * n**2))
+    middle = share + _NORMAL**2 / (2 * n)
+    scale = 1 + _NORMAL**2 / n
+    # Rounding must not leave a share of 0 or 1 outside.
+    return Interval(
+        share, min(max((middle - spread) / scale, 0.0), share), max(min((middle + spread) / scale, 1), share)
+    )
+
+
+def _bootstrap(
+    count: int, statistic: Callable[[np.ndarray], Float[np.ndarray, " resamples"]], seed: int
+) -> tuple[float, float] | tuple[None, None]:
+    """Quantiles of a statistic of rows (resamples, count) drawn with replacement."""
+    if count < 2:
+        return None, None
+    rows = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
+    tail = (1 - LEVEL) / 2
+    low, high = np.quantile(statistic(rows), [tail, 1 - tail])
+    return float(low), float(high)
