@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial as partial_call
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -52,8 +54,8 @@ class FitDepthCommand(Command):
     """Keep flying pixels, which float between front and back at the edges of objects"""
     voxel: Annotated[float, arg(metavar="METRES")] = 0.005
     """Of several pictures' points in a cube of this side, one is kept; 0 keeps all"""
-    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
-    """Up axis of the world; without it, y with poses (ScanNet: z) and -y without"""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] | None = None
+    """Up axis of the world, auto finds it; without it, y with poses (ScanNet: z) and -y without"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
@@ -75,6 +77,7 @@ class FitDepthCommand(Command):
         from kpred.database import Database
         from kpred.errors import OutputError
         from kpred.fitting.fit_scan import fit
+        from kpred.fitting.overlay import save_overlay
         from kpred.nn import load_model
 
         for given, what in ((self.pose, "--pose"), (self.mask, "--mask")):
@@ -103,13 +106,17 @@ class FitDepthCommand(Command):
             refine=self.refine,
             up=self.up or ("y" if self.pose else "-y"),
             partial=partial,
+            # Without poses the world is the camera's own frame, and this is its origin.
+            sensor=scan.origins,
         )
-        files = write_files(result, scan.points, self.output, scan_path=self.depth[0], picture=self.picture)
+        overlay: dict[Path, Callable[[Path], object]] = {}
         if self.rgb is not None:
-            from kpred.fitting.overlay import save_overlay
-
-            save_overlay(result.mesh.vertices, result.mesh.faces, scan.scans[0].camera, self.rgb, overlay_file)
-            files.append(overlay_file)
+            overlay[overlay_file] = partial_call(
+                save_overlay, result.mesh.vertices, result.mesh.faces, scan.scans[0].camera, self.rgb
+            )
+        files = write_files(
+            result, scan.points, self.output, scan_path=self.depth[0], picture=self.picture, more=overlay
+        )
         describe(output, result, files)
 
     def _scan(self, output: Output) -> MergedScan:

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import FlagConversionOff, Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+from kpred.fitting.clean_config import CleanConfig
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitCommand(Command):
     """Fit a CAD model to a scan of one object.
 
-    The result is a mesh in the scan's own place and units. Beside it lie a record (.json) and a picture (.png).
+    The result is a mesh in the scan's own place and units. Beside it lie a record (.json) and a picture (.png). What
+    may be wrong with it is noted on standard error.
 
     examples:
       kpred fit chair.ply -o chair.obj
       kpred fit scan.xyz -o table.glb --category table --top-k 25
       kpred fit scan.npy -o result.ply --database mine.kpred --frame known --no-refine --json
-      kpred fit corner.pcd -o chair.stl --up z --partial yes
+      kpred fit corner.pcd -o chair.stl --up z --partial yes --floor 0
+      kpred fit scan.ply -o desk.obj --sensor 0.4 1.6 2.0 --cleaning.wall False
+      kpred fit scan.ply -o chair.obj --pose given:pose.txt --no-clean
     """
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
@@ -39,23 +45,36 @@ class FitCommand(Command):
     """How many retrieved models to deform and compare"""
     frame: Literal["auto", "known"] = "auto"
     """auto takes the scan's box and finds its front; known takes the scan as y up, front +z, in its unit box"""
-    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "y"
-    """Up axis of the scan (not used with --frame known)"""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """Up axis of the scan; auto finds it (not used with --frame known)"""
+    pose: Annotated[str | None, arg(metavar="NAME")] = None
+    """identity (it faces +z), upright, given:FILE (its 4x4 matrix) or an installed estimator; without it, found"""
+    sensor: Annotated[tuple[float, float, float] | None, arg(metavar="X Y Z")] = None
+    """Where the scanner stood, in the scan's frame and units; the result keeps out of what it looked through"""
+    floor: Annotated[float | None, arg(metavar="HEIGHT")] = None
+    """Height of the floor along the up axis, in the scan's frame and units; the object stands on it"""
     partial: Literal["auto", "yes", "no"] = "auto"
     """Whether parts of the object are missing in the scan; auto finds out"""
     refine: Annotated[bool, arg(help_behavior_hint="")] = True
     """Leave out the refinement of keypoints (the paper's protocol)"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
+    clean: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Take the scan as it is: leave out all steps of cleaning"""
+    cleaning: Annotated[CleanConfig, FlagConversionOff] = field(default_factory=CleanConfig)
+    """Steps of cleaning, one by one; with --frame known the scan is cleaned only if a setting is changed"""
 
     def run(self, output: Output) -> None:
         """Fit, write the files, print what was chosen."""
+        import numpy as np
+
         from kpred.cli.fit_files import check_output, describe, write_files
         from kpred.database import Database
         from kpred.fitting.fit_scan import fit
         from kpred.nn import load_model
         from kpred.shapes import read_scan
 
+        self._check()
         check_output(self.output, self.scan)
         scan = read_scan(self.scan)
         model = load_model(self.model) if self.model is not None else None
@@ -70,9 +89,23 @@ class FitCommand(Command):
             refine=self.refine,
             up=self.up,
             partial={"auto": None, "yes": True, "no": False}[self.partial],
+            pose=self.pose,
+            sensor=None if self.sensor is None else np.array(self.sensor),
+            floor=self.floor,
+            clean=self.clean if self.cleaning == CleanConfig() else self.cleaning,
         )
         files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture)
         describe(output, result, files)
+
+    def _check(self) -> None:
+        """Options that make no sense, alone or together."""
+        if self.frame == "known" and (self.pose is not None or self.floor is not None):
+            raise UsageError("--frame known says how and where the scan stands; leave out --pose and --floor.")
+        if not self.clean and self.cleaning != CleanConfig():
+            raise UsageError("--no-clean leaves out all steps of cleaning; leave out --no-clean or the settings.")
+        for value in (*(self.sensor or ()), *(() if self.floor is None else (self.floor,))):
+            if not math.isfinite(value):
+                raise UsageError("--sensor and --floor must be finite numbers.")
 
 
 COMMAND: type[Command] = FitCommand

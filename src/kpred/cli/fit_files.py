@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -35,29 +35,39 @@ def check_output(path: Path, scan: Path) -> None:
         raise OutputError(f"Cannot write {path}: it would overwrite the scan {scan}; choose another name.")
 
 
-def write_files(fit: Fit, scan: np.ndarray, path: Path, *, scan_path: Path, picture: bool = True) -> list[Path]:
+def write_files(
+    fit: Fit,
+    scan: np.ndarray,
+    path: Path,
+    *,
+    scan_path: Path,
+    picture: bool = True,
+    more: Mapping[Path, Callable[[Path], object]] | None = None,
+) -> list[Path]:
     """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
 
-    All of them or none: each waits under a temporary name until the others have been written.
+    All of them or none, `more` included: files with what writes them (`kpred.shapes.atomic.write_together`).
 
     Raises:
         OutputError: a file cannot be written there.
     """
     from kpred.shapes import write_mesh
-    from kpred.shapes.atomic import atomic_path
+    from kpred.shapes.atomic import write_together
 
     mesh_file, record_file, picture_file = _files(path)
     record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
-    with ExitStack() as all_or_none:
-        scratch = Path(all_or_none.enter_context(TemporaryDirectory(prefix="kpred-"))) / "picture.png"
-        with_picture = picture and _drawn(fit, scan, scratch)
-        temporary = all_or_none.enter_context(atomic_path(record_file))
-        temporary.write_text(json.dumps(plain(record), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        if with_picture:
-            temporary = all_or_none.enter_context(atomic_path(picture_file))
-            shutil.copyfile(scratch, temporary)
-        write_mesh(mesh_file, fit.mesh)
-    return [mesh_file, record_file, picture_file] if with_picture else [mesh_file, record_file]
+    text = json.dumps(plain(record), indent=2, allow_nan=False) + "\n"
+    with TemporaryDirectory(prefix="kpred-") as folder:
+        scratch = Path(folder) / "picture.png"
+        writers: dict[Path, Callable[[Path], object]] = {
+            mesh_file: lambda file: write_mesh(file, fit.mesh),
+            record_file: lambda file: file.write_text(text, encoding="utf-8"),
+        }
+        if picture and _drawn(fit, scan, scratch):
+            writers[picture_file] = lambda file: shutil.copyfile(scratch, file)
+        writers |= more or {}
+        write_together(writers)
+    return list(writers)
 
 
 def _drawn(fit: Fit, scan: np.ndarray, file: Path) -> bool:
@@ -67,12 +77,15 @@ def _drawn(fit: Fit, scan: np.ndarray, file: Path) -> bool:
 
 
 def describe(output: Output, fit: Fit, files: list[Path]) -> None:
-    """Print what was chosen, how well it fits, how long it took and which files were written."""
+    """Print what was chosen, how sure that is, how well it fits, how long it took and which files were written."""
     output.result({**fit.to_json(), "files": files})
+    several = len(fit.category_confidence) > 1
     size = " x ".join(f"{side:.3g}" for side in np.ptp(fit.mesh.bounds, axis=0))
     rows: list[tuple[str, Any, str, str]] = [
         ("model", fit.source.model_id, "", ""),
         ("category", fit.category, "", ""),
+        *([("category confidence", fit.category_confidence[fit.category], "probability", "")] if several else []),
+        ("confidence", fit.confidence, "probability", ""),
         ("scan taken as", "partial" if fit.partial else "full", "", ""),
         ("models compared", len(fit.candidates), "", ""),
         ("triangles", len(fit.mesh.faces), "", ""),
@@ -83,6 +96,8 @@ def describe(output: Output, fit: Fit, files: list[Path]) -> None:
     output.table("fit", ["", "value", "unit", "frame"], rows)
     for file in files:
         output.note(f"wrote {file}")
+    for sentence in fit.warnings:
+        output.caution(sentence)
 
 
 def _files(path: Path) -> tuple[Path, Path, Path]:

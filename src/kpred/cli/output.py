@@ -44,6 +44,10 @@ class Output:
         """A line for people; plain text, no markup."""
         self.people.print(text, markup=False)
 
+    def caution(self, text: str) -> None:
+        """What may be wrong with the result: a line on standard error, whoever reads standard output."""
+        print(f"kpred: note: {' '.join(text.split())}", file=sys.stderr)
+
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
         """A table for people; columns that hold numbers only are set flush right."""
         from rich import box

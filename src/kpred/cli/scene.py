@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
@@ -50,6 +53,8 @@ class SceneCommand(Command):
     """How many retrieved models to deform and compare for each object"""
     refine: Annotated[bool, arg(help_behavior_hint="")] = True
     """Leave out the refinement of keypoints"""
+    floor: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Do not take objects to stand on the scene's floor, where their feet were not scanned"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
 
@@ -73,16 +78,20 @@ class SceneCommand(Command):
                 progress=lambda done, total, name: bar.update("objects", done, total, name),
                 top_k=self.top_k,
                 refine=self.refine,
+                floor=self.floor,
             )
         files = self._write(result)
         output.result({**result.to_json(self.output.name), "files": files})
-        columns = ["object", "category", "points", "model", "mean distance", "ms", ""]
+        columns = ["object", "category", "points", "model", "mean distance", "confidence", "ms", ""]
         output.table(f"scene {scene.name}", columns, [_row(item) for item in result.fits])
         for item in result.fits:
             if item.error is not None:
                 output.note(f"{'skipped' if item.skipped else 'failed'}: {item.error}")
         for file in files:
             output.note(f"wrote {file}")
+        for item in result.fitted:
+            for sentence in item.fit.warnings if item.fit is not None else ():
+                output.caution(f"{item.object.name}: {sentence}")
         if not result.fitted:
             raise ScanError(f"{self.scene}: none of its {len(objects)} objects could be fitted; {result.fits[0].error}")
 
@@ -94,30 +103,32 @@ class SceneCommand(Command):
 
     def _write(self, result: SceneFit) -> list[Path]:
         from kpred import __version__
+        from kpred.cli.output import plain
+        from kpred.fitting.picture_scene import save_scene_picture
+        from kpred.shapes.atomic import write_together
 
         glb, record_file, annotation, lines, picture = self._files(result.scene.name)
         record = {"kpred": __version__, "scan": self.scene, "glb": glb, **result.to_json(glb.name)}
-        _write_json(record_file, record)
-        written = [record_file]
-        if result.fitted:
-            result.to_glb(glb)
-            _write_json(annotation, record["scan2cad"])
-            result.to_csv(lines)
-            written = [glb, record_file, annotation, lines]
-        if self.picture and result.fitted:
-            from kpred.fitting.picture_scene import save_scene_picture
 
-            if save_scene_picture(result, picture):
-                written.append(picture)
-        return written
+        def json_writer(content: Any) -> Callable[[Path], object]:
+            text = json.dumps(plain(content), indent=2, allow_nan=False) + "\n"
+            return lambda file: file.write_text(text, encoding="utf-8")
 
-
-def _write_json(file: Path, content: Any) -> None:
-    from kpred.cli.output import plain
-    from kpred.shapes.atomic import atomic_path
-
-    with atomic_path(file) as temporary:
-        temporary.write_text(json.dumps(plain(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        if not result.fitted:
+            write_together({record_file: json_writer(record)})
+            return [record_file]
+        with TemporaryDirectory(prefix="kpred-") as folder:
+            scratch = Path(folder) / "picture.png"
+            writers: dict[Path, Callable[[Path], object]] = {
+                glb: result.to_glb,
+                record_file: json_writer(record),
+                annotation: json_writer(record["scan2cad"]),
+                lines: result.to_csv,
+            }
+            if self.picture and save_scene_picture(result, scratch):
+                writers[picture] = lambda file: shutil.copyfile(scratch, file)
+            write_together(writers)
+        return list(writers)
 
 
 def _check_output(files: tuple[Path, ...], inputs: list[Path | None]) -> None:
@@ -138,10 +149,13 @@ def _check_output(files: tuple[Path, ...], inputs: list[Path | None]) -> None:
 def _row(item: ObjectFit) -> tuple[Any, ...]:
     points = len(item.object.points)
     if item.fit is None:
-        return (item.object.name, item.object.category, points, "", None, None, "skipped" if item.skipped else "failed")
+        what = "skipped" if item.skipped else "failed"
+        return (item.object.name, item.object.category, points, "", None, None, None, what)
     distance = next((m.value for m in item.fit.metrics if m.name == "mean_scan_to_result"), None)
     milliseconds = round(1000 * sum(item.fit.timings.values()))
-    return (item.object.name, item.fit.category, points, item.fit.source.model_id, distance, milliseconds, "")
+    doubt = "see the notes" if item.fit.warnings else ""
+    model, confidence = item.fit.source.model_id, item.fit.confidence
+    return (item.object.name, item.fit.category, points, model, distance, confidence, milliseconds, doubt)
 
 
 COMMAND: type[Command] = SceneCommand

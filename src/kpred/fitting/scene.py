@@ -21,6 +21,7 @@ from kpred.shapes.categories import synset_of
 from kpred.shapes.mesh_io import write_mesh
 from kpred.shapes.scan2cad import Alignment, decompose, results, write_csv
 from kpred.shapes.scene import Scene
+from kpred.shapes.scene_floor import SceneFloor, find_floor
 from kpred.shapes.scene_objects import SceneObject
 
 SCAN_NODE = "scan_frame"
@@ -39,12 +40,14 @@ class ObjectFit:
         fit: its fit; None where there is none.
         error: why there is none, one sentence that names the object.
         skipped: the object is of a category that the model or the database does not know, so that nothing was tried.
+        floor: height of the floor it was taken to stand on, along the scene's up axis; None where it was not told.
     """
 
     object: SceneObject
     fit: Fit | None = None
     error: str | None = None
     skipped: bool = False
+    floor: float | None = None
 
     def cad_mesh(self) -> trimesh.Trimesh:
         """The deformed mesh in ShapeNet's frame: y up, front -z, middle of its box 0, diagonal of its box 1."""
@@ -87,10 +90,11 @@ class ObjectFit:
 
 @dataclass(frozen=True, eq=False)
 class SceneFit:
-    """The fits of a scene's objects, in the objects' order."""
+    """The fits of a scene's objects, in the objects' order; `floor` is what they stand on, if it was found."""
 
     scene: Scene
     fits: tuple[ObjectFit, ...]
+    floor: SceneFloor | None = None
 
     @property
     def fitted(self) -> tuple[ObjectFit, ...]:
@@ -159,6 +163,7 @@ class SceneFit:
             "scene": self.scene.name,
             "up": self.scene.up,
             "scan_to_glb": self.scan_to_glb().tolist(),
+            "floor": _floor_described(self.floor),
             "fitted": len(self.fitted),
             "objects": [_described(item) for item in self.fits],
             "scan2cad": [results(self.scene.name, alignments, self.scan_to_glb())],
@@ -178,6 +183,7 @@ def fit_scene(
     model: Model | str | os.PathLike[str] | None = None,
     database: Database | str | os.PathLike[str] | None = None,
     progress: Callable[[int, int, str], None] | None = None,
+    floor: SceneFloor | bool = True,
     **fit_options: Any,
 ) -> SceneFit:
     """Fit every object of a scene whose category the model and the database know.
@@ -190,6 +196,7 @@ def fit_scene(
         model: trained networks, or their name or folder; None means bundled.
         database: open database or its path; None means bundled.
         progress: called with objects done, objects in all, and the name of the one that comes next ("" at the end).
+        floor: what furniture stands on, also where its feet were not scanned; True finds it, False leaves it out.
         fit_options: further arguments of `kpred.fitting.fit`; `category` and `up` come from the objects.
 
     Raises:
@@ -204,14 +211,18 @@ def fit_scene(
             raise ConfigError(f"{name} is told by the scene's objects; leave the option out.")
     networks, store = as_model(model), as_database(database)
     known = tuple(shared_categories(networks, store, None))
+    if isinstance(floor, bool):
+        ground = find_floor(scene, objects) if floor else None
+    else:
+        ground = floor
     done: list[ObjectFit] = []
     for item in objects:
         if progress is not None:
             progress(len(done), len(objects), item.name)
-        done.append(_fit_object(item, networks, store, known, fit_options))
+        done.append(_fit_object(item, networks, store, known, ground, fit_options))
     if progress is not None:
         progress(len(done), len(objects), "")
-    return SceneFit(scene, tuple(done))
+    return SceneFit(scene, tuple(done), ground)
 
 
 def upright(up: str) -> np.ndarray:
@@ -226,15 +237,22 @@ def upright(up: str) -> np.ndarray:
 
 
 def _fit_object(
-    item: SceneObject, model: Model, database: Database, known: tuple[str, ...], options: dict[str, Any]
+    item: SceneObject,
+    model: Model,
+    database: Database,
+    known: tuple[str, ...],
+    ground: SceneFloor | None,
+    options: dict[str, Any],
 ) -> ObjectFit:
     if item.problem is not None:
         return ObjectFit(item, error=item.problem)
     if item.category is not None and item.category not in known:
         why = f"{item.name}: {item.category} is not among the categories of model and database ({', '.join(known)})."
         return ObjectFit(item, error=why, skipped=True)
+    floor = ground.height_under(item.points) if ground is not None and ground.carries(item.points) else None
     try:
-        return ObjectFit(item, fit(item.points, model, database, category=item.category, up=item.up, **options))
+        found = fit(item.points, model, database, category=item.category, up=item.up, floor=floor, **options)
+        return ObjectFit(item, found, floor=floor)
     except KpredError as error:
         return ObjectFit(item, error=f"{item.name}: {str(error).removeprefix('scan: ')}")
     except Exception as error:  # One object must not cost the others their results.
@@ -253,5 +271,18 @@ def _described(item: ObjectFit) -> dict[str, Any]:
         annotation = item.object.annotation
         facts["annotation"] = {"catid_cad": annotation.catid_cad, "id_cad": annotation.id_cad, "sym": annotation.sym}
     if item.fit is not None:
-        facts |= {"node": item.node, "cad_to_scan": item.cad_to_scan().tolist(), "fit": item.fit.to_json()}
+        facts |= {
+            "node": item.node,
+            "confidence": item.fit.confidence,
+            "warnings": list(item.fit.warnings),
+            "floor": item.floor,
+            "cad_to_scan": item.cad_to_scan().tolist(),
+            "fit": item.fit.to_json(),
+        }
     return facts
+
+
+def _floor_described(floor: SceneFloor | None) -> dict[str, Any] | None:
+    if floor is None:
+        return None
+    return {"source": floor.source, "level": floor.level, "slope": floor.slope.tolist()}

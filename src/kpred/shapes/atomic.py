@@ -1,10 +1,11 @@
-"""Whole-or-nothing writing of one file."""
+"""Whole-or-nothing writing of one file, and of several files together."""
 
 from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     target = Path(path)
     check_place(target)
-    temporary = target.with_name(f".{target.stem[:64]}.{os.getpid()}.{secrets.token_hex(4)}{target.suffix}")
+    temporary = _beside(target)
     try:
         yield temporary
         # Without fsync a crash right after the rename may leave an empty file under the final name.
@@ -50,3 +51,68 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise OutputError(f"Cannot write {target}: {reason}; free the disk or choose another folder.") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_together(files: Mapping[Path, Callable[[Path], object]]) -> None:
+    """Write several files, all of them or none.
+
+    Each value writes the file of its key under the name it is called with, which lies beside it and has its extension.
+    Only when all have been written do they take their places, in the mapping's order; if one of these cannot, the
+    others are taken back, and what was there before is there again.
+
+    Raises:
+        OutputError: a file cannot be written there; the message names it.
+    """
+    staged: dict[Path, Path] = {}
+    placed: dict[Path, Path | None] = {}
+    try:
+        for target, write in files.items():
+            check_place(target)
+            staged[target] = temporary = _beside(target)
+            with _named(target, temporary):
+                write(temporary)
+                with open(temporary, "rb+") as stream:
+                    os.fsync(stream.fileno())
+        for target, temporary in staged.items():
+            before = None
+            with _named(target, temporary):
+                if target.exists():
+                    before = _beside(target)
+                    _keep(target, before)
+                placed[target] = before
+                os.replace(temporary, target)
+    except BaseException:
+        for target, before in placed.items():
+            if before is None:
+                target.unlink(missing_ok=True)
+            else:
+                os.replace(before, target)
+        placed.clear()
+        raise
+    finally:
+        for leftover in (*staged.values(), *placed.values()):
+            if leftover is not None:
+                leftover.unlink(missing_ok=True)
+
+
+def _keep(target: Path, before: Path) -> None:
+    try:
+        os.link(target, before)  # The file stays where it is until the new one takes its place.
+    except OSError:
+        shutil.copy2(target, before)
+
+
+def _beside(target: Path) -> Path:
+    return target.with_name(f".{target.stem[:64]}.{os.getpid()}.{secrets.token_hex(4)}{target.suffix}")
+
+
+@contextmanager
+def _named(target: Path, temporary: Path) -> Iterator[None]:
+    """What goes wrong with a temporary file is told of the file that it stands for."""
+    try:
+        yield
+    except OutputError as error:
+        raise OutputError(str(error).replace(str(temporary), str(target))) from error
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"Cannot write {target}: {reason}; free the disk or choose another folder.") from error
