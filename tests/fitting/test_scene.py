@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from kpred.fitting.scene import SceneFit, fit_scene, upright
 from kpred.nn import Model, ModelConfig
 from kpred.shapes.scan2cad import compose, read_annotations
 from kpred.shapes.scene import Scene, read_scene
+from kpred.shapes.scene_floor import SceneFloor
 from kpred.shapes.scene_objects import SceneObject, objects_of
 from kpred.shapes.source import open_shapes
 from kpred.shapes.synthetic.generator import generate
@@ -172,6 +174,72 @@ def test_no_object_stops_the_others(
     assert seen == [(k, 7, item.name) for k, item in enumerate(objects)] + [(7, 7, "")]
     statuses = [entry["status"] for entry in result.to_json()["objects"]]
     assert statuses == ["skipped"] + ["failed"] * 4 + ["fitted"] * 2
+
+
+def _floors_given(monkeypatch: pytest.MonkeyPatch) -> dict[int, float | None]:
+    """Number of an object's points -> the floor that its fit was told."""
+    told: dict[int, float | None] = {}
+    really_fit = scene_module.fit
+
+    def spy(points: np.ndarray, *arguments: Any, floor: float | None, **options: Any) -> Any:
+        told[len(points)] = floor
+        return really_fit(points, *arguments, floor=floor, **options)
+
+    monkeypatch.setattr(scene_module, "fit", spy)
+    return told
+
+
+def test_objects_stand_on_the_floor_unless_they_hang(
+    scene: Scene, model: Model, database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chair, _, table = objects_of(scene)
+    top = table.indices[table.points[:, 2] > 0.6 * table.points[:, 2].max()]
+    hanging = SceneObject("shelf", "table", table.points[:500] + [0, 0, 2.0], np.full(500, -1))
+    told = _floors_given(monkeypatch)
+    found = fit_scene(scene, [_object(scene, "top", "table", top), hanging, chair], model, database, top_k=2)
+    assert found.floor is not None and found.floor.source == "labels"
+    assert told[500] is None
+    assert told[len(top)] == pytest.approx(0.0, abs=0.02)
+    assert told[len(chair.points)] == pytest.approx(0.0, abs=0.02)
+    record = json.loads(json.dumps(found.to_json()))
+    assert [entry["floor"] for entry in record["objects"]] == [told[len(top)], None, told[len(chair.points)]]
+    assert record["floor"]["level"] == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_table_of_which_only_the_top_was_scanned_reaches_the_floor(scene: Scene) -> None:
+    table = objects_of(scene)[2]
+    top = _object(scene, "top", "table", table.indices[table.points[:, 2] > 0.8 * table.points[:, 2].max()])
+    for floor, reaches in ((True, True), (False, False)):
+        (found,) = fit_scene(scene, [top], floor=floor).fits
+        assert found.fit is not None
+        assert (abs(found.fit.mesh.bounds[0, 2]) < 0.08) == reaches
+
+
+def test_the_floor_may_be_left_out_or_given(
+    scene: Scene, model: Model, database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = _floors_given(monkeypatch)
+    chair = objects_of(scene)[0]
+    without = fit_scene(scene, [chair], model, database, floor=False, top_k=2)
+    assert without.floor is None
+    assert without.to_json()["floor"] is None
+    assert told.pop(len(chair.points)) is None
+    given = SceneFloor("z", -0.25, np.zeros(2), "points")
+    assert fit_scene(scene, [chair], model, database, floor=given, top_k=2).floor is given
+    assert told.pop(len(chair.points)) == -0.25
+    without_floor = replace(scene, points=scene.points[500:], labels=None)
+    moved = replace(chair, indices=chair.indices - 500)
+    assert fit_scene(without_floor, [moved], model, database, top_k=2).floor is None
+    assert told.pop(len(chair.points)) is None
+
+
+def test_doubts_are_told_of_each_object(fitted: SceneFit) -> None:
+    record = json.loads(json.dumps(fitted.to_json()))
+    for item, entry in zip(fitted.fits, record["objects"], strict=True):
+        assert item.fit is not None
+        assert entry["confidence"] == item.fit.confidence
+        assert 0 <= entry["confidence"] <= 1
+        assert entry["warnings"] == list(item.fit.warnings)
 
 
 def test_a_scene_without_objects(scene: Scene, model: Model, database: Database, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from kpred.fitting.recognise import Reading
 from kpred.fitting.refine import RefineConfig
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Candidate, Fit, Metric
+from kpred.fitting.standing import stood_on
 from kpred.fitting.warnings import warnings_of
 from kpred.nn import Model
 from kpred.ops import nearest_neighbours
@@ -149,7 +150,13 @@ def fit(
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
         meshes = _meshes(chosen, candidates[0], store)
         metrics = _metrics(chosen, candidates[0], order[0], known)
-        keypoints = store.candidates(chosen.category, [candidates[0].model_id]).keypoints[0]
+        rest = store.candidates(chosen.category, [candidates[0].model_id]).keypoints[0]
+        keypoints = chosen.frame.from_unit((rest + candidates[0].displacement).astype(np.float64))
+        if partial and floor is not None and not known:
+            up_direction = chosen.frame.rotation[1]
+            lowest = float((meshes[0].vertices @ up_direction).min())
+            keypoints = stood_on(keypoints, lowest, points, up_direction, floor)
+            meshes[0].vertices = stood_on(np.asarray(meshes[0].vertices), lowest, points, up_direction, floor)
     with clock("confidence"):
         evidence = evidence_of(chosen, order[0], tried, networks.recognizer is not None)
         sure, of_categories = confidence(evidence), category_probabilities(tried)
@@ -159,7 +166,7 @@ def fit(
         source=candidates[0],
         candidates=candidates,
         frame=chosen.frame,
-        keypoints=chosen.frame.from_unit((keypoints + candidates[0].displacement).astype(np.float64)),
+        keypoints=keypoints,
         keypoint_confidence=chosen.candidates.confidence.numpy(),
         confidence=sure,
         category_confidence=of_categories,
