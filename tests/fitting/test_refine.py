@@ -4,7 +4,14 @@ import pytest
 import torch
 
 from kpred.fitting import RefineConfig, refine_keypoints
-from kpred.ops import affine_influence, chamfer_distance, enclosing_cage, icosphere, mean_value_coordinates
+from kpred.ops import (
+    affine_influence,
+    chamfer_distance,
+    enclosing_cage,
+    icosphere,
+    mean_value_coordinates,
+    squared_distances,
+)
 from kpred.ops.occlusion import slice_by_plane
 
 
@@ -86,3 +93,41 @@ def test_partial_scans_leave_the_unseen_part_alone(source: tuple) -> None:
     )
     unseen = confidence == 0
     assert one_sided[0, unseen].norm(dim=1).mean() < 0.3 * two_sided[0, unseen].norm(dim=1).mean()
+
+
+def _half_seen(source: tuple, generator: torch.Generator) -> tuple[torch.Tensor, ...]:
+    """Sources, bases, a target, its half at x < 0, and a start that is right about the unseen keypoints alone."""
+    points, basis = source
+    wanted = 0.15 * torch.randn(3, 12, 3, generator=generator)
+    whole = points + basis @ wanted
+    seen = slice_by_plane(whole, torch.full((3,), 0.5), torch.tensor([[1.0, 0.0, 0.0]]).expand(3, -1))
+    visible = torch.stack([cloud[mask] for cloud, mask in zip(whole, seen, strict=True)])
+    unseen_keypoints = points[:, :12, :1] > 0
+    return points, basis, whole, visible, torch.where(unseen_keypoints, wanted, torch.zeros_like(wanted))
+
+
+def test_holding_the_unseen_surface_lowers_the_error_of_the_whole(source: tuple, generator: torch.Generator) -> None:
+    points, basis, whole, visible, start = _half_seen(source, generator)
+    errors = {}
+    for unseen in (0.0, 0.5):
+        config = RefineConfig(unseen=unseen)
+        found = refine_keypoints(points, basis, start, visible, torch.ones(12), config, partial=True)
+        errors[unseen] = float(squared_distances(whole, points + basis @ found).mean())
+    before = float(squared_distances(whole, points + basis @ start).mean())
+    assert errors[0.5] < 0.9 * errors[0.0]
+    assert errors[0.5] < 0.7 * before
+
+
+def test_a_partial_scan_that_shows_all_is_refined_as_freely(source: tuple, generator: torch.Generator) -> None:
+    points, basis = source
+    target = points + basis @ (0.05 * torch.randn(3, 12, 3, generator=generator))
+    start, ones = torch.zeros(3, 12, 3), torch.ones(12)
+    before = float(squared_distances(target, points).mean())
+    errors = [
+        float(squared_distances(target, points + basis @ found).mean())
+        for found in (
+            refine_keypoints(points, basis, start, target, ones, RefineConfig(unseen=unseen), partial=True)
+            for unseen in (0.0, 0.5)
+        )
+    ]
+    assert errors[1] - errors[0] < 0.02 * before

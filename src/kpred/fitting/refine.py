@@ -2,7 +2,8 @@
 
 Between two nearest-neighbour searches the deformed source S + B d is linear in the keypoint displacements d, with one
 K x K matrix shared by x, y and z. Alternating the two lowers a robust, weighted Chamfer distance (or its one-sided form
-for partial scans); a prior holds the keypoints that no point speaks for where the network put them.
+for partial scans). A prior holds the surface that no point of a partial scan speaks for where the network put it: the
+error of the whole surface is that of the seen part, plus how far the unseen part is moved off the best guess there is.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ class RefineConfig:
         iterations: rounds of nearest neighbours and least squares.
         points: points of the source and of the target used in each round (all of them are used for the final error).
         prior: weight of the pull toward the network's keypoints, as a share of the data term's mean diagonal.
+        unseen: weight of the pull of the surface that a partial scan does not show toward where the network put it,
+            against the weight of the points that are seen.
         finalists: candidates that are refined to the end; the others stop after a few quick rounds.
         robust: a point farther from its match than this many times the median distance counts less and less; 0 is off.
     """
@@ -31,8 +34,13 @@ class RefineConfig:
     iterations: int = 8
     points: int = 1024
     prior: float = 0.005
+    unseen: float = 0.5
     robust: float = 8.0
     finalists: int = 5
+
+
+UNSEEN_DISTANCE = 0.2
+"""A point of the source counts half as unseen at this distance from the scan (unit box)."""
 
 
 def refine_keypoints(
@@ -52,7 +60,7 @@ def refine_keypoints(
         target: the scan, one for all candidates or one for each.
         displacement: the start; the network's K_target - K_source unless that is given too.
         confidence: D_i in [0, 1], for all candidates or for each; in a partial scan a keypoint of low confidence is
-            held more by the prior.
+            held more by the prior, beside what holds the unseen surface.
         network_displacement: the centre of the prior, where refinement goes on from another start.
         partial: only target-to-source distances count, since the unseen part of the source has nothing to match.
     """
@@ -61,8 +69,8 @@ def refine_keypoints(
     few, few_basis = points[:, ::source_step], basis[:, ::source_step].contiguous()
     goal = target[..., ::target_step, :].expand(len(points), -1, -1).contiguous()
     start, current = displacement if network_displacement is None else network_displacement, displacement
-    # A partial scan says less: all keypoints are held more, and the unseen ones most.
-    hold = 4.0 + 16.0 * (1.0 - confidence) if partial else torch.ones_like(confidence)
+    hold = 1.0 + 4.0 * (1.0 - confidence) if partial else torch.ones_like(confidence)
+    unseen = config.unseen * _unseen_normal(few, few_basis, start, goal) if partial else 0.0
     for _ in range(config.iterations):
         moved = few + few_basis @ current
         squared, index = nearest_neighbours(goal, moved)
@@ -77,9 +85,23 @@ def refine_keypoints(
             normal = normal + few_basis.transpose(1, 2) @ (few_basis * weight[..., None])
             right = right + few_basis.transpose(1, 2) @ ((_rows(goal, index) - few) * weight[..., None])
         scale = normal.diagonal(dim1=1, dim2=2).mean(1)[:, None]
-        held = torch.diag_embed(config.prior * scale * hold)
+        held = torch.diag_embed(config.prior * scale * hold) + unseen
         current = torch.linalg.solve(normal + held, right + held @ start)
     return current
+
+
+def _unseen_normal(points: Tensor, basis: Tensor, displacement: Tensor, goal: Tensor) -> Tensor:
+    """Normal matrix (C, K, K) of how far corrections of the keypoints move the surface that the scan does not show.
+
+    In these units the mean of the data term's matrix is that of the seen points. Keypoints that move only what is seen
+    stay free, and those that share unseen surface are held together.
+    """
+    step = 2 if points.shape[1] > 256 else 1
+    moved = (points + basis @ displacement)[:, ::step].contiguous()
+    squared, _ = nearest_neighbours(moved, goal)
+    share = squared.square() / (squared.square() + UNSEEN_DISTANCE**4) / moved.shape[1]
+    rows = basis[:, ::step]
+    return rows.transpose(1, 2) @ (rows * share[..., None])
 
 
 def _rows(values: Tensor, index: Tensor) -> Tensor:
