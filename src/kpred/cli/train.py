@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -47,8 +48,6 @@ class _TrainCommand(Command):
 
     def run(self, output: Output) -> None:
         """Train with a progress bar; print where the weights are."""
-        import torch
-
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ConfigError
         from kpred.shapes.pack import MeshPack
@@ -61,7 +60,7 @@ class _TrainCommand(Command):
         if len(categories) > 1:
             raise ConfigError(f"A run trains one category, but was given {', '.join(categories)}; give packs of one.")
         if self.threads is not None:
-            torch.set_num_threads(self.threads)
+            _limit_threads(self.threads)
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}
@@ -176,8 +175,6 @@ class RecognitionCommand(Command):
 
     def run(self, output: Output) -> None:
         """Train with a progress bar; print where the weights are."""
-        import torch
-
         from kpred.cli.progress import ProgressBar
         from kpred.shapes.pack import MeshPack
         from kpred.training.recognition import train_recognizer
@@ -185,7 +182,7 @@ class RecognitionCommand(Command):
         if not self.packs:
             raise UsageError("no pack was named; try `kpred train recognition CHAIR.npz TABLE.npz -o FOLDER`")
         if self.threads is not None:
-            torch.set_num_threads(self.threads)
+            _limit_threads(self.threads)
         last: dict[str, float] = {}
         began = time.perf_counter()
         with ProgressBar() as bar:
@@ -219,6 +216,21 @@ def default(kind: type[Command], words: list[str]) -> Command:
         model=ModelConfig(category="", **PRESETS[preset]),
         training=PAPER if preset == "kp-red" else TrainConfig(),
     )  # type: ignore[call-arg]
+
+
+def _limit_threads(number: int) -> None:
+    """Of torch and of the compiled kernels: threads beyond the cores that are free wait for each other, busily."""
+    import torch
+
+    from kpred.errors import ConfigError
+
+    if number < 1:
+        raise ConfigError(f"Training needs at least 1 thread, but --threads is {number}.")
+    torch.set_num_threads(number)
+    with suppress(ImportError):  # numba is absent on machines that only train
+        import numba
+
+        numba.set_num_threads(min(number, numba.config.NUMBA_NUM_THREADS))
 
 
 def _device(name: str) -> str:
