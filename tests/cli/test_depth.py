@@ -1,6 +1,7 @@
 """`kpred fit-depth` on rendered depth pictures: files, place of the result, refusals."""
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from kpred.cli.depth import FitDepthCommand
 from kpred.cli.main import OK, main
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
-from kpred.errors import KpredError
+from kpred.errors import KpredError, ScanError
+from kpred.fitting import fit_scan
 from kpred.nn import ModelConfig, save_network
 from kpred.shapes.camera import Camera
 from kpred.shapes.depth import write_depth
@@ -116,6 +118,100 @@ def test_without_a_pose_the_result_is_in_the_cameras_axes(
     corners = np.stack(np.meshgrid(*zip(low, high)), -1).reshape(-1, 3)
     local = Camera(np.loadtxt(room / "k.txt"), *SIZE, pose).to_camera(corners)
     check_place(tmp_path / "t.ply", local.min(axis=0), local.max(axis=0))
+
+
+def test_the_camera_is_where_the_scan_was_seen_from(
+    room: Path, line: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[np.ndarray] = []
+
+    def spy(points: np.ndarray, *, sensor: np.ndarray, **options: Any) -> None:
+        given.append(sensor)
+        raise ScanError("it is enough to know what was asked for.")
+
+    monkeypatch.setattr(fit_scan, "fit", spy)
+    refusal([*line, "-o", tmp_path / "t.obj"])
+    np.testing.assert_array_equal(given.pop(), np.zeros((1, 3)))  # the world is the camera's own frame
+    poses = [room / "pose0.txt", room / "pose1.txt"]
+    refusal([line[0], room / "1.png", *line[1:], "-o", tmp_path / "t.obj", "--pose", *poses])
+    centres = [np.loadtxt(pose)[:3, 3] for pose in poses]
+    np.testing.assert_allclose(given.pop(), centres, atol=1e-6)
+
+
+@pytest.mark.parametrize("broken", ["t.obj", "t.json", "t_overlay.png"])
+def test_all_files_are_written_or_none(
+    broken: str, room: Path, line: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace = os.replace
+
+    def stubborn(source: Path, target: Path) -> None:
+        if Path(target).name == broken:
+            raise OSError(28, os.strerror(28))
+        replace(source, target)
+
+    monkeypatch.setattr("kpred.shapes.atomic.os.replace", stubborn)
+    (tmp_path / "t.json").write_text("the one before")
+    words = [*line, "-o", tmp_path / "t.obj", "--mask", room / "ids0.png", "--mask-id", 5]
+    sentence = refusal([*words, "--rgb", room / "photo.jpg"])
+    assert f"{tmp_path / broken}: No space left on device" in sentence
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"t.json": "the one before"}
+
+
+ROTATION_OF_TWO = np.diag([2.0, 2.0, 2.0, 1.0])
+NAN_POSE = np.where(np.eye(4) > 0, np.nan, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("option", "content", "said"),
+    [
+        ("--pose", ROTATION_OF_TWO, "not a rotation"),
+        ("--pose", np.diag([1.0, 1.0, -1.0, 1.0]), "not a rotation"),
+        ("--pose", NAN_POSE, "tracking was lost"),
+        ("--pose", np.eye(3), "3 x 3"),
+        ("--pose", "not a matrix", "not numbers"),
+        ("--pose", None, "no such file"),
+        ("--intrinsics", np.diag([0.0, 280, 1]), "positive"),
+        ("--intrinsics", np.full((3, 3), np.nan), "NaN"),
+        ("--intrinsics", np.eye(2), "2 x 2"),
+        ("--intrinsics", "focal length 280", "not numbers"),
+        ("--intrinsics", None, "no such file"),
+    ],
+)
+def test_broken_cameras_are_named_and_nothing_is_written(
+    option: str, content: np.ndarray | str | None, said: str, line: list[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "broken.txt"
+    if isinstance(content, str):
+        file.write_text(content)
+    elif content is not None:
+        np.savetxt(file, content)
+    words: list[object] = [*line, "-o", tmp_path / "t.obj"]
+    if option == "--pose":
+        words += [option, file]
+    else:
+        words[words.index(option) + 1] = file
+    sentence = refusal(words)
+    assert str(file) in sentence
+    assert said in sentence
+    assert not (tmp_path / "t.obj").exists()
+
+
+def test_intrinsics_of_another_picture_are_named(line: list[str], tmp_path: Path) -> None:
+    numbers = {"fx": 280, "fy": 280, "cx": 160, "cy": 120, "width": 640, "height": 480}
+    (tmp_path / "color.json").write_text(json.dumps(numbers))
+    words: list[object] = [*line, "-o", tmp_path / "t.obj"]
+    words[words.index("--intrinsics") + 1] = tmp_path / "color.json"
+    sentence = refusal(words)
+    assert "color.json is of a camera with 640 x 480" in sentence
+
+
+def test_a_fragment_too_small_to_judge_is_counted(room: Path, line: list[str], tmp_path: Path) -> None:
+    few = np.zeros((SIZE[1], SIZE[0]), dtype=bool)
+    few[120, 150:160] = True
+    np.save(tmp_path / "few.npy", few)
+    sentence = refusal([*line, "-o", tmp_path / "t.obj", "--mask", tmp_path / "few.npy"])
+    assert line[0] in sentence
+    assert "at least 64 are needed" in sentence
 
 
 def test_a_frame_whose_tracking_was_lost_is_named(room: Path, line: list[str], tmp_path: Path) -> None:

@@ -1,7 +1,10 @@
 """`kpred scene` on small files: what it writes and prints, and how it refuses."""
 
 import json
+import os
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +12,8 @@ import trimesh
 
 from kpred.cli import main as cli
 from kpred.cli.main import FAILED, OK, main
+from kpred.fitting import scene as scene_module
+from kpred.fitting.result import Fit
 from kpred.nn import ModelConfig, save_network
 from kpred.shapes.scan2cad import read_annotations
 from kpred.shapes.synthetic.generator import generate
@@ -80,6 +85,123 @@ def test_table_and_picture_for_people(files: Path, tmp_path: Path, capsys: pytes
     for word in ("left", "right", "fern", "mean distance", "skipped", "wrote"):
         assert word in printed.out
     assert (tmp_path / "scene.png").stat().st_size > 10_000
+
+
+def test_confidence_and_doubts_of_each_object_are_shown(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    really_fit = scene_module.fit
+
+    def doubtful(points: np.ndarray, *arguments: Any, **options: Any) -> Fit:
+        found = really_fit(points, *arguments, **options)
+        return replace(found, confidence=0.25, warnings=("It may face another way.",))
+
+    monkeypatch.setattr(scene_module, "fit", doubtful)
+    assert main(words(files, tmp_path / "scene.glb", "boxes.json", "--no-picture")) == OK
+    printed = capsys.readouterr()
+    rows = {row.split()[0]: row for row in printed.out.splitlines() if row.strip()}
+    for name in ("left", "right"):
+        assert "0.25" in rows[name] and "see the notes" in rows[name]
+        assert f"kpred: note: {name}: It may face another way." in printed.err
+    assert "see the notes" not in rows["fern"]
+    record = json.loads((tmp_path / "scene.json").read_text())
+    doubts = {entry["name"]: (entry.get("confidence"), entry.get("warnings")) for entry in record["objects"]}
+    assert doubts["left"] == (0.25, ["It may face another way."])
+    assert doubts["fern"] == (None, None)
+
+
+@pytest.mark.parametrize("switch", [[], ["--no-floor"]])
+def test_the_floor_is_found_and_can_be_left_out(
+    switch: list[str], files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scan = np.asarray(trimesh.load(files / "room.ply").vertices)
+    rng = np.random.default_rng(0)
+    floor = np.column_stack([rng.uniform(-3, 7, 4000), rng.uniform(-3, 3, 4000), rng.normal(-0.1, 0.01, 4000)])
+    trimesh.PointCloud(np.concatenate([scan, floor])).export(tmp_path / "room.ply")
+    np.save(tmp_path / "table.npy", np.repeat([7001, 7002, 0], [500, 500, 4000]))
+    line = words(files, tmp_path / "scene.glb", str(tmp_path / "table.npy"), "--no-picture", "--json", *switch)
+    line[1] = str(tmp_path / "room.ply")
+    assert main(line) == OK
+    result = json.loads(capsys.readouterr().out)
+    floors = [entry["floor"] for entry in result["objects"]]
+    if switch:
+        assert result["floor"] is None
+        assert floors == [None, None]
+    else:
+        assert result["floor"]["source"] == "points"
+        assert floors == pytest.approx([-0.1, -0.1], abs=0.02)
+
+
+@pytest.mark.parametrize("broken", ["scene.glb", "scene.json", "scene_scan2cad.json", "room.csv"])
+def test_all_files_are_written_or_none(
+    broken: str, files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    move = os.replace
+
+    def stubborn(source: Path, target: Path) -> None:
+        if Path(target).name == broken:
+            raise OSError(28, os.strerror(28))
+        move(source, target)
+
+    monkeypatch.setattr("kpred.shapes.atomic.os.replace", stubborn)
+    assert main(words(files, tmp_path / "scene.glb", "boxes.json", "--no-picture")) == FAILED
+    assert f"{tmp_path / broken}: No space left on device" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_broken_annotations_cost_only_themselves(
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def placed(x: float, **changes: Any) -> dict[str, Any]:
+        trs = {"translation": [x, 0, 1], "rotation": [1, 0, 0, 0], "scale": [1, 1, 1]}
+        table = {"catid_cad": "04379243", "id_cad": "m", "trs": trs, "bbox": [1.9, 4, 4], "center": [0, 0, 0]}
+        return table | changes
+
+    def turned(**changes: Any) -> dict[str, Any]:
+        return placed(0.0)["trs"] | changes
+
+    without_size = {key: value for key, value in placed(0.0).items() if key != "bbox"}
+    models = [
+        placed(4.0),
+        placed(0.0, trs=turned(scale=[1, 1, float("nan")])),
+        placed(0.0, trs=turned(rotation=[0, 0, 0, 0])),
+        placed(0.0, trs=turned(translation=[0, 0])),
+        placed(0.0, trs=None),
+        without_size,
+        placed(90.0),
+        placed(0.0, id_cad=""),
+        "nonsense",
+    ]
+    identity = {"translation": [0, 0, 0], "rotation": [1, 0, 0, 0], "scale": [1, 1, 1]}
+    annotation = [{"id_scan": "room", "trs": identity, "aligned_models": models}]
+    (tmp_path / "full_annotations.json").write_text(json.dumps(annotation))
+    line = words(files, tmp_path / "scene.glb", str(tmp_path / "full_annotations.json"), "--no-picture", "--json")
+    assert main(line) == OK
+    objects = json.loads(capsys.readouterr().out)["objects"]
+    assert [entry["status"] for entry in objects] == ["fitted"] + ["failed"] * 8
+    said = [
+        *("its scale is not 3 finite numbers", "its rotation is a zero quaternion", "its translation is not 3"),
+        *("it has no trs", "its CAD model 04379243/m is missing", "no point of the scan", "it names no CAD model"),
+        "it names no CAD model",
+    ]
+    for entry, sentence in zip(objects[1:], said, strict=True):
+        assert entry["name"] in entry["error"]
+        assert sentence in entry["error"]
+
+
+def test_a_fragment_is_told_by_name_and_the_rest_is_fitted(
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    numbers = np.repeat([7001, 7002, 7003], [500, 40, 460])
+    np.save(tmp_path / "numbers.npy", numbers)
+    line = words(files, tmp_path / "scene.glb", str(tmp_path / "numbers.npy"), "--no-picture")
+    assert main(line) == OK
+    printed = capsys.readouterr()
+    assert "failed: table_7002: " in printed.out
+    assert "40 distinct points" in printed.out
+    assert {"table_7001", "table_7003"} <= {
+        name.split()[0] for name in trimesh.load_scene(tmp_path / "scene.glb").graph.nodes_geometry
+    }
 
 
 def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:

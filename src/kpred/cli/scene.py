@@ -154,7 +154,7 @@ def _row(item: ObjectFit) -> tuple[Any, ...]:
     distance = next((m.value for m in item.fit.metrics if m.name == "mean_scan_to_result"), None)
     milliseconds = round(1000 * sum(item.fit.timings.values()))
     doubt = "see the notes" if item.fit.warnings else ""
-    model, confidence = item.fit.source.model_id, item.fit.confidence
+    model, confidence = item.fit.source.model_id, round(item.fit.confidence, 2)
     return (item.object.name, item.fit.category, points, model, distance, confidence, milliseconds, doubt)
 
 

@@ -64,7 +64,8 @@ def write_together(files: Mapping[Path, Callable[[Path], object]]) -> None:
         OutputError: a file cannot be written there; the message names it.
     """
     staged: dict[Path, Path] = {}
-    placed: dict[Path, Path | None] = {}
+    before: dict[Path, Path] = {}
+    placed: list[Path] = []
     try:
         for target, write in files.items():
             check_place(target)
@@ -74,25 +75,22 @@ def write_together(files: Mapping[Path, Callable[[Path], object]]) -> None:
                 with open(temporary, "rb+") as stream:
                     os.fsync(stream.fileno())
         for target, temporary in staged.items():
-            before = None
             with _named(target, temporary):
                 if target.exists():
-                    before = _beside(target)
-                    _keep(target, before)
-                placed[target] = before
+                    before[target] = _beside(target)
+                    _keep(target, before[target])
                 os.replace(temporary, target)
+            placed.append(target)
     except BaseException:
-        for target, before in placed.items():
-            if before is None:
-                target.unlink(missing_ok=True)
+        for target in placed:
+            if target in before:
+                os.replace(before.pop(target), target)
             else:
-                os.replace(before, target)
-        placed.clear()
+                target.unlink(missing_ok=True)
         raise
     finally:
-        for leftover in (*staged.values(), *placed.values()):
-            if leftover is not None:
-                leftover.unlink(missing_ok=True)
+        for leftover in (*staged.values(), *before.values()):
+            leftover.unlink(missing_ok=True)
 
 
 def _keep(target: Path, before: Path) -> None:
