@@ -49,11 +49,14 @@ def median_interval(values: Sequence[float], seed: int) -> Interval:
 def ratio_interval(above: Sequence[float], below: Sequence[float], seed: int) -> Interval:
     """Mean of `above` / mean of `below`; the two are measured on the same instances, in the same order.
 
-    Where all of `below` is 0 the ratio is infinite.
+    Where all of `below` is 0 the ratio is infinite and has no interval.
     """
     over, under = np.asarray(above, dtype=np.float64), np.asarray(below, dtype=np.float64)
     if over.shape != under.shape:
         raise ValueError(f"A ratio needs pairs, but has {len(over)} and {len(under)} values.")
+
+    if not under.any():
+        return Interval(math.inf, None, None)
 
     def ratio(rows: np.ndarray) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):

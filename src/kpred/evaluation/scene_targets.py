@@ -112,22 +112,22 @@ def evaluate_scenes(
     file = root / ANNOTATIONS if annotations is None else Path(annotations)
     for annotation in read_annotations(file):
         scene = read_scene(scan_of(root, annotation.id_scan))
-        objects = []
-        for item in objects_of(scene, file):
-            if item.category in how.model.categories and item.category in how.database.categories():
-                objects.append(item)
-            elif report is not None:
-                report(f"left out: {item.name}: {item.category} is not among the categories of model and database.")
-        if not objects:
+        objects = objects_of(scene, file)
+        known = [item for item in objects if item.category in how.model.categories]
+        for item in objects:
+            if item not in known and report is not None:
+                report(f"left out: {item.name}: {item.category} is not among the categories of the model.")
+        if not known:
             continue
-        untold = [replace(item, category=None) for item in objects]
-        total = 2 * len(objects)
-        fits = []
-        for part, start in ((objects, 0), (untold, len(objects))):
-            step = _step(progress, f"{annotation.id_scan}: objects", start, total)
-            fitted = fit_scene(scene, part, how.model, how.database, progress=step, top_k=how.top_k, seed=how.seed)
-            fits.append(fitted.fits)
-        outcomes += [_measured(annotation.id_scan, one, two, root, how) for one, two in zip(*fits, strict=True)]
+        name, total = f"{annotation.id_scan}: objects", len(objects) + len(known)
+        options: dict[str, Any] = {"top_k": how.top_k, "seed": how.seed}
+        step = _step(progress, name, 0, total)
+        told = fit_scene(scene, objects, how.model, how.database, progress=step, **options)
+        nameless = [replace(item, category=None) for item in known]
+        step, floor = _step(progress, name, len(objects), total), told.floor or False
+        untold = fit_scene(scene, nameless, how.model, how.database, progress=step, floor=floor, **options)
+        pairs = zip([fit for fit in told.fits if fit.object in known], untold.fits, strict=True)
+        outcomes += [_measured(annotation.id_scan, one, two, root, how) for one, two in pairs]
     if not outcomes:
         raise ScanError(f"{file}: it has no object of a known category ({', '.join(how.model.categories)}).")
     return outcomes

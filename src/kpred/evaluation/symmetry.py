@@ -77,7 +77,7 @@ def vertical_symmetry(surface: Float[np.ndarray, "points 3"]) -> Symmetry:
         return NONE
     if not same(90.0):
         return HALF_TURN
-    rest = (degrees for degrees in range(STEP_DEGREES, 180, STEP_DEGREES) if degrees != 90)
+    rest = (float(degrees) for degrees in range(STEP_DEGREES, 180, STEP_DEGREES) if degrees != 90)
     return ROUND if all(same(degrees) for degrees in rest) else QUARTER_TURN
 
 
