@@ -2,7 +2,8 @@
 
     python examples/05_evaluate.py [output folder]
 
-`kpred evaluate PACK -o rows.json` does the same from the command line.
+`kpred evaluate shapes PACK -o rows.json` does the same from the command line; `kpred evaluate scans PACK` fits virtual
+scans of the same shapes with nothing given but gravity.
 """
 
 import sys

@@ -18,6 +18,7 @@ from kpred.errors import KpredError
 SUBCOMMANDS = {
     "data": ["generate", "info"],
     "database": ["build", "add", "remove", "info", "search"],
+    "evaluate": ["shapes", "scans", "real"],
     "train": ["deformation", "retrieval", "partial", "all"],
 }
 LINES = [[name] for name in COMMANDS if name not in SUBCOMMANDS] + [

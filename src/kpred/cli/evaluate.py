@@ -1,4 +1,4 @@
-"""`kpred evaluate`: how well a model fits, beside what needs no model."""
+"""`kpred evaluate`: the group; and `shapes`, how well a model fits, beside what needs no model."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
+from kpred.cli.evaluate_real import RealCommand
+from kpred.cli.evaluate_scans import ScansCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateCommand(Command):
-    """Measure a model on mesh packs: best of the top k, mean over the shapes of a split.
+class ShapesCommand(Command):
+    """Measure a model on the whole shapes of mesh packs: best of the top k, mean over the shapes of a split.
 
     The same run measures the true nearest undeformed shapes and a baseline without learning. Without --database, the
     split `source` of each pack is what is retrieved and deformed. With --json or -o: a header (weights, database, seed,
     versions), and one row a number, with dataset, split, category, protocol, top_k, metric, distance, unit, value, n.
 
     examples:
-      kpred evaluate chair.npz table.npz cabinet.npz
-      kpred evaluate packs/ --model runs/chair/model --top-k 1 5 10 25 -o rows.json
-      kpred evaluate chair.npz --protocol partial --occlusions 0.25 0.5 --limit 50 --json
+      kpred evaluate shapes chair.npz table.npz cabinet.npz
+      kpred evaluate shapes packs/ --model runs/chair/model --top-k 1 5 10 25 -o rows.json
+      kpred evaluate shapes chair.npz --protocol partial --occlusions 0.25 0.5 --limit 50 --json
     """
 
     packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
@@ -58,7 +60,7 @@ class EvaluateCommand(Command):
         from kpred.shapes.atomic import check_place
 
         if not self.packs:
-            raise UsageError("no pack was named; try `kpred evaluate FILE.npz`")
+            raise UsageError("no pack was named; try `kpred evaluate shapes FILE.npz`")
         if self.output is not None:
             check_place(self.output)
         model = load_model(self.model)
@@ -128,4 +130,7 @@ _SHORT = {
 }
 
 
-COMMAND: type[Command] = EvaluateCommand
+COMMAND: dict[str, type[Command]] = {"shapes": ShapesCommand, "scans": ScansCommand, "real": RealCommand}
+
+IMPLIED = "shapes"
+"""Meant by `kpred evaluate PACK`."""

@@ -28,7 +28,7 @@ COMMANDS = {
     "database": "Build, change, search and describe a database of CAD models.",
     "data": "Generate synthetic furniture; describe mesh packs.",
     "train": "Train the networks of one category, stage by stage.",
-    "evaluate": "Measure a model on a mesh pack against the nearest undeformed shapes.",
+    "evaluate": "Measure a model: on whole shapes, on virtual scans, on real scans.",
     "info": "Show versions, bundled models and the bundled database.",
 }
 """Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is asked for."""
@@ -102,6 +102,9 @@ def _run(name: str, words: list[str]) -> int:
             text += f"`kpred {name} COMMAND --help` shows options and examples."
             print(text, file=sys.stdout if words else sys.stderr)
             return OK if words else USAGE
+        implied: str | None = getattr(module, "IMPLIED", None)
+        if implied is not None and words[0] not in found and _no_word(words[0]):
+            words = [implied, *words]
         if words[0] not in found:
             return _unknown(words[0], f"kpred {name}", found)
         name, kind, words = f"{name} {words[0]}", found[words[0]], words[1:]
@@ -117,6 +120,11 @@ def _run(name: str, words: list[str]) -> int:
     )
     command.run(Output(as_json=command.json))
     return OK
+
+
+def _no_word(word: str) -> bool:
+    """Whether an argument is an option or a path, not a misspelt command."""
+    return word.startswith("-") or "." in word or os.sep in word or os.path.exists(word)
 
 
 def _sentence(error: Exception) -> str:

@@ -1,0 +1,194 @@
+"""`kpred evaluate real`: crops of real scans, and the objects of annotated Scan2CAD scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+
+if TYPE_CHECKING:
+    from kpred.evaluation.real import CropOutcome
+    from kpred.evaluation.scene_targets import SceneOutcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class RealCommand(Command):
+    """Measure fits of real scans: crops of single objects, and the objects of Scan2CAD scenes.
+
+    Crops are fitted with nothing given but gravity: how near do their points lie to the result, and is it of the right
+    category? Objects of a scene are fitted as `kpred scene` fits them and compared with the annotated CAD model in its
+    annotated pose; it passes if it is at most 1.2 times as far from the object's points, and its centre within 10 cm.
+
+    examples:
+      kpred evaluate real --crops crops/ --picture crops.png
+      kpred evaluate real --scene Scan2CAD/ -o rows.json --json
+      kpred evaluate real --scene Scan2CAD/ --annotations full_annotations.json --database mine.kpred
+    """
+
+    crops: Annotated[Path | None, arg(metavar="FOLDER")] = None
+    """<category>_<nn>.ply in metres, y up; an index.json beside them may say file, category and up of each"""
+    up: Annotated[Literal["x", "y", "z", "-x", "-y", "-z"] | None, arg(metavar="AXIS")] = None
+    """Up axis of all crops, whatever their index says"""
+    scene: Annotated[Path | None, arg(metavar="FOLDER")] = None
+    """Laid out as Scan2CAD's repository: full_annotations.json, Assets/scannet-sample, Assets/shapenet-sample"""
+    annotations: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Scan2CAD's annotations; without it, full_annotations.json in the scene's folder"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
+    """Write rows, targets, and what they were made by, to this JSON file too"""
+    picture: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Write a contact sheet of all scans beside their results (.png)"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    database: Annotated[Path | None, arg(metavar="FILE")] = None
+    """CAD database (.kpred); without it, the bundled one"""
+    top_k: Annotated[int, arg(metavar="K")] = 10
+    """How many retrieved models are deformed and compared"""
+    seed: Annotated[int, arg(metavar="SEED")] = 0
+    """Of sampling and intervals"""
+
+    def run(self, output: Output) -> None:
+        """Measure with a progress bar, print and write."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.evaluation.contact_sheet import check_picture, save_contact_sheet
+        from kpred.evaluation.header import made_by, versions
+        from kpred.evaluation.real import evaluate_crops, read_crops, summarise_crops
+        from kpred.evaluation.scan_outcomes import Fitting
+        from kpred.evaluation.scene_targets import evaluate_scenes, summarise_scenes
+        from kpred.evaluation.summary import write_report
+        from kpred.fitting.resources import as_database, as_model
+        from kpred.shapes.atomic import check_place
+
+        if self.crops is None and self.scene is None:
+            raise UsageError("no scans were named; try `kpred evaluate real --crops FOLDER` or `--scene FOLDER`")
+        if self.annotations is not None and self.scene is None:
+            raise UsageError("--annotations says what stands in a scene; give --scene FOLDER too")
+        if self.output is not None:
+            check_place(self.output)
+        if self.picture is not None:
+            check_picture(self.picture)
+        model, database = as_model(self.model), as_database(self.database)
+        how = Fitting(model, database, self.top_k, self.seed)
+        remarks: list[str] = []
+        crops: list[CropOutcome] = []
+        objects: list[SceneOutcome] = []
+        rows = []
+        with ProgressBar() as bar:
+            if self.crops is not None:
+                found = read_crops(self.crops, self.up)
+                crops = evaluate_crops(found, how, progress=bar.update, report=remarks.append)
+                rows += summarise_crops(crops, self.crops.resolve().name, self.seed)
+            if self.scene is not None:
+                objects = evaluate_scenes(self.scene, how, self.annotations, progress=bar.update, report=remarks.append)
+                rows += summarise_scenes(objects, self.scene.resolve().name, self.seed)
+        report: dict[str, Any] = {
+            "header": {
+                **made_by(model),
+                "database": str(database.path),
+                "top_k": self.top_k,
+                "seed": self.seed,
+                "remarks": remarks,
+                "versions": versions(),
+            },
+            "rows": [row.to_json() for row in rows],
+            "crops": [outcome.to_json() for outcome in crops],
+            "objects": [outcome.to_json() for outcome in objects],
+        }
+        if self.output is not None:
+            write_report(self.output, report)
+        if self.picture is not None:
+            shown: list[CropOutcome | SceneOutcome] = [*crops, *objects]
+            tiles = [outcome.tile for outcome in shown if outcome.tile is not None]
+            save_contact_sheet(tiles, self.picture)
+        output.result(report)
+        if crops:
+            _print_crops(output, crops)
+        if objects:
+            _print_objects(output, objects)
+        for sentence in remarks:
+            output.note(f"note: {sentence}")
+        for file in (self.output, self.picture):
+            if file is not None:
+                output.note(f"wrote {file}")
+
+
+def _print_crops(output: Output, crops: Sequence[CropOutcome]) -> None:
+    output.table(
+        "crops, nothing given but gravity; mean distance of points to the result, cm, scan's frame",
+        ["crop", "found", "model", "kept points", "all points", "confidence", "warnings", "ms", ""],
+        [
+            (
+                crop.file,
+                crop.found,
+                crop.model,
+                _centimetres(crop.distance_kept),
+                _centimetres(crop.distance_all),
+                crop.confidence,
+                crop.warnings,
+                None if crop.milliseconds is None else round(crop.milliseconds),
+                "failed" if crop.failure else "" if crop.near and crop.category_right else "wrong",
+            )
+            for crop in crops
+        ],
+    )
+    n = len(crops)
+    output.note(
+        f"{sum(crop.near for crop in crops)} of {n} under 4 cm (kept points; all points: "
+        f"{sum(crop.all_near for crop in crops)} of {n}); {sum(crop.category_right for crop in crops)} of {n} of the "
+        "right category"
+    )
+    for crop in crops:
+        if crop.failure is not None:
+            output.note(f"failed: {crop.file}: {crop.failure}")
+
+
+def _print_objects(output: Output, objects: Sequence[SceneOutcome]) -> None:
+    output.table(
+        "annotated objects; mean distance of their points to result and annotated CAD model, cm, scan's frame",
+        [
+            "object",
+            "found",
+            "model",
+            "result",
+            "annotated",
+            "ratio",
+            "centre",
+            "yaw °",
+            "symmetry",
+            "confidence",
+            "ms",
+            "",
+        ],
+        [
+            (
+                f"{item.scene} {item.name}",
+                item.found,
+                item.model,
+                _centimetres(item.distance),
+                _centimetres(item.annotated_distance),
+                item.ratio,
+                item.centre_cm,
+                item.yaw,
+                item.symmetry,
+                item.confidence,
+                None if item.milliseconds is None else round(item.milliseconds),
+                "failed" if item.failure else "" if item.passes else "fails",
+            )
+            for item in objects
+        ],
+    )
+    passed = sum(item.passes for item in objects)
+    output.note(f"{passed} of {len(objects)} pass: ratio at most 1.2 and centre within 10 cm")
+    for item in objects:
+        if item.failure is not None:
+            output.note(f"failed: {item.scene} {item.name}: {item.failure}")
+
+
+def _centimetres(metres: float | None) -> float | None:
+    return None if metres is None else 100 * metres
