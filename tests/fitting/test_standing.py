@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpred.fitting.standing import stood_on
+from kpred.fitting.standing import feet_missing, stood_on
 
 UPS = {"z": np.array([0.0, 0.0, 1.0]), "-y": np.array([0.0, -1.0, 0.0]), "leaning": np.array([0.6, 0.0, 0.8])}
 
@@ -52,3 +52,12 @@ def test_what_makes_no_sense_changes_nothing(floor: float, lowest: float, rng: n
     scan = rng.uniform([-1, -1, 0.5], [1, 1, 1.0], (500, 3))
     result = rng.uniform([-1, -1, lowest], [1, 1, 1.0], (50, 3))
     np.testing.assert_array_equal(stood_on(result, lowest, scan, UPS["z"], floor), result)
+
+
+@pytest.mark.parametrize("up", ["z", "-y"])
+@pytest.mark.parametrize(("floor", "missing"), [(0.5, False), (0.42, False), (0.2, True), (-1.0, True), (2.0, False)])
+def test_a_scan_that_ends_well_above_the_floor_lacks_the_feet(
+    up: str, floor: float, missing: bool, rng: np.random.Generator
+) -> None:
+    scan = rng.uniform([-1, -1, 0.5], [1, 1, 1.5], (500, 3)) @ frame(UPS[up])
+    assert feet_missing(scan, up, floor) == missing

@@ -24,7 +24,7 @@ from kpred.fitting.recognise import Reading
 from kpred.fitting.refine import RefineConfig
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Candidate, Fit, Metric
-from kpred.fitting.standing import stood_on
+from kpred.fitting.standing import feet_missing, stood_on
 from kpred.fitting.warnings import warnings_of
 from kpred.nn import Model
 from kpred.ops import nearest_neighbours
@@ -73,7 +73,7 @@ def fit(
         frame: `auto` finds the scan's yaw and box; `known` takes the scan as canonical (y up, front +z) inside its
             whole object's unit box, which is the paper's protocol.
         refine: refine keypoints by least squares; False is the paper's protocol.
-        partial: whether parts of the object are missing; None finds out.
+        partial: whether parts of the object are missing; None finds out: a scan that ends well above the floor lacks some.
         up: the scan's up axis, one of x, y, z, -x, -y, -z; `auto` finds it (ignored with `frame="known"`).
         pose: an estimator of the scan's rotation or its name (`identity`, `upright`, `given:FILE`); None tries the scan
             as it stands and turned about its up axis.
@@ -118,6 +118,8 @@ def fit(
             points, steps = cleaned.points, cleaned.steps
             floor = cleaned.floor_height if floor is None else floor
         points = points[:SCAN_POINTS]
+        if partial is None and floor is not None and not known and feet_missing(points, up, floor):
+            partial = True
     with clock("frame"):
         if known:
             check_known_frame(points)

@@ -1,13 +1,28 @@
-"""A result that stands on its floor: where its feet were not scanned, what is below the scan reaches down to it."""
+"""Objects stand on the floor: whether a scan shows their feet, and results that reach down to it where it does not."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from kpred.fitting.upright import UP_AXES
 from kpred.ops.typing import Float
 
 LEAST_LEG = 0.05
 """The part that may be stretched or cut is at least this share of the height above the floor."""
+
+MOST_GAP = 0.15
+"""A scan that ends higher above the floor than this share of the object's height above it does not show the feet."""
+
+
+def feet_missing(scan: Float[np.ndarray, "scan 3"], up: str, floor: float) -> bool:
+    """Whether the scan of an object that stands on the floor ends well above it, so that parts of it are missing.
+
+    Args:
+        scan: in any unit; up: its up axis, one of x, y, z, -x, -y, -z; floor: height of the floor along it.
+    """
+    height = scan @ np.array(UP_AXES[up], dtype=np.float64)
+    low, high = np.quantile(height, [0.01, 0.99])
+    return bool(low - floor > MOST_GAP * (high - floor) > 0)
 
 
 def stood_on(
