@@ -73,7 +73,7 @@ def fit(
         frame: `auto` finds the scan's yaw and box; `known` takes the scan as canonical (y up, front +z) inside its
             whole object's unit box, which is the paper's protocol.
         refine: refine keypoints by least squares; False is the paper's protocol.
-        partial: whether parts of the object are missing; None finds out: a scan that ends well above the floor lacks some.
+        partial: whether parts are missing; None finds out, and a scan that ends well above its floor lacks some.
         up: the scan's up axis, one of x, y, z, -x, -y, -z; `auto` finds it (ignored with `frame="known"`).
         pose: an estimator of the scan's rotation or its name (`identity`, `upright`, `given:FILE`); None tries the scan
             as it stands and turned about its up axis.
