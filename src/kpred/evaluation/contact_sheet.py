@@ -123,7 +123,7 @@ def _camera(tile: Tile) -> Camera:
     if tile.result is not None:
         vertices = np.asarray(tile.result.vertices, dtype=np.float64)
         low, high = np.minimum(low, vertices.min(axis=0)), np.maximum(high, vertices.max(axis=0))
-    radius = max(float(np.linalg.norm(high - low)) / 2, np.finfo(float).tiny)
+    radius = float(np.linalg.norm(high - low)) / 2 or 1.0
     toward = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
     right = np.cross([0.0, 1.0, 0.0], toward)
     right /= np.linalg.norm(right)

@@ -155,7 +155,7 @@ def claimed(found: Fit) -> dict[str, Any]:
     return {
         "found": found.category,
         "model": found.source.model_id,
-        "confidence": None if found.confidence is None else float(found.confidence),
+        "confidence": float(found.confidence),
         "warnings": len(found.warnings),
         "milliseconds": 1000 * sum(found.timings.values()),
     }
