@@ -65,10 +65,10 @@ class RealCommand(Command):
         from kpred.fitting.resources import as_database, as_model
         from kpred.shapes.atomic import check_place
 
-        if self.crops is None and self.scene is None:
-            raise UsageError("no scans were named; try `kpred evaluate real --crops FOLDER` or `--scene FOLDER`")
         if self.annotations is not None and self.scene is None:
             raise UsageError("--annotations says what stands in a scene; give --scene FOLDER too")
+        if self.crops is None and self.scene is None:
+            raise UsageError("no scans were named; try `kpred evaluate real --crops FOLDER` or `--scene FOLDER`")
         if self.output is not None:
             check_place(self.output)
         if self.picture is not None:
