@@ -30,8 +30,8 @@ def _candidates(clouds: list[torch.Tensor], partial: bool) -> Candidates:
 
 def _alike_and_odd() -> list[torch.Tensor]:
     """Half a table top, and three tops that agree."""
-    tops = [_board((-1, 0.4 + 0.01 * row, -1), (1, 0.5 + 0.01 * row, 1), row) for row in range(3)]
-    return [_board((-1, 0.41, -1), (0, 0.51, 1), 7), *tops]
+    tops = [_board((-1, 0.4 + 0.1 * row, -1), (1, 0.5 + 0.1 * row, 1), row) for row in range(3)]
+    return [_board((-1, 0.5, -1), (0, 0.6, 1), 7), *tops]
 
 
 def test_full_scans_take_the_lowest_error() -> None:
