@@ -48,7 +48,7 @@ def test_scans_prints_what_it_writes(
     assert len(report["targets"]) == 2
     assert report["confusion"] == {"table": {"table": 2}}
     ratio = next(row for row in report["rows"] if row["metric"] == "ucd_whole_ratio")
-    assert f"{ratio['value']:.3g} [" in printed.err
+    assert f"{ratio['value']:.2f} {ratio['low']:.2f}–{ratio['high']:.2f}" in printed.err
     assert "confidence of 2 results" in printed.err
     assert f"wrote {tmp_path / 'sheet.png'}" in printed.err
     assert Image.open(tmp_path / "sheet.png").size[0] > 500

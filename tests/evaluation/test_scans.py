@@ -16,6 +16,7 @@ from kpred.evaluation import scan_outcomes
 from kpred.evaluation.scan_outcomes import Errors, Fitting, ScanOutcome, measure_scan, moved, tried
 from kpred.evaluation.scan_summaries import confusion, reliability_of, summarise
 from kpred.evaluation.scan_targets import ScanTarget, make_scan_target
+from kpred.evaluation.scan_tiles import worst_and_typical
 from kpred.evaluation.scans import ScansReport, evaluate_scans
 from kpred.evaluation.searched import searched
 from kpred.evaluation.summary import Scope, Summary
@@ -260,8 +261,20 @@ def test_the_same_arguments_give_the_same_rows(report: ScansReport, packs: dict[
 
 
 def test_tiles_show_the_worst_first(report: ScansReport) -> None:
-    assert len(report.tiles) == 3
-    assert report.tiles[0].lines[0].startswith("other ")
+    # Two worst, one typical, one other thing.
+    assert len(report.tiles) == 4
+    assert report.tiles[3].lines[0].startswith("other ")
+    assert [tile.verdict for tile in report.tiles[:3]] == sorted((t.verdict for t in report.tiles[:3]), reverse=True)
+
+
+def test_failures_are_worse_than_wrong_and_wrong_than_right(target: ScanTarget) -> None:
+    far = replace(FINE, model_id="far", unknown=replace(ERRORS, distance=0.09))
+    wrong, bold = replace(TURNED, model_id="wrong"), replace(BOLD, model_id="bold")
+    shown = [(replace(target, model_id=one.model_id), one) for one in (OTHER, FINE, far, wrong, LOST, bold)]
+    tiles = worst_and_typical(shown, 3)
+    assert [tile.lines[0] for tile in tiles] == ["chair c", "chair wrong", "chair far", "chair a", "other bold"]
+    assert [tile.verdict for tile in tiles] == ["wrong", "wrong", "right", "right", "wrong"]
+    assert tiles[0].lines[2] == "too small"
 
 
 def test_targets_of_the_database_are_told(packs: dict[str, Path], model: Model) -> None:

@@ -100,8 +100,8 @@ def _print(output: Output, report: ScansReport) -> None:
     table = _Table(report.summaries)
     output.table(
         "nothing given but gravity (unknown), against frame, pose and category given (known); UCD from the whole true "
-        "surface, unit box squared, true unit box",
-        ["data", "n", "unknown", "known", "ratio [95 %]", "yaw < 15°", "category", "right", "failed", "ms"],
+        "surface, unit box squared, true unit box; 95 % intervals",
+        ["data", "n", "unknown", "known", "ratio", "yaw < 15°", "category", "right", "failed", "ms"],
         [
             (
                 name,
@@ -190,7 +190,7 @@ class _Table:
     def lines(self, metric: str) -> list[tuple[str, _Key]]:
         """Name and key of all data that have this metric."""
         keys = dict.fromkeys((dataset, category) for dataset, category, name, _ in self.found if name == metric)
-        return [(" / ".join(key), key) for key in keys]
+        return [("/".join(key), key) for key in keys]
 
     def value(self, key: _Key, metric: str) -> float | None:
         found = self.found.get((*key, metric, "all"))
@@ -201,12 +201,13 @@ class _Table:
         return None if found is None else found.n
 
     def interval(self, key: _Key, metric: str) -> str:
+        """Value and interval, as 0.85 0.71–0.93."""
         found = self.found.get((*key, metric, "all"))
         if found is None:
             return ""
-        return f"{found.value:.3g}" + ("" if found.low is None else f" [{found.low:.2f}, {found.high:.2f}]")
+        return f"{found.value:.2f}" + ("" if found.low is None else f" {found.low:.2f}–{found.high:.2f}")
 
     def counted(self, key: _Key, metric: str, group: str) -> str:
-        """As 17/20."""
+        """Hits of all, as 17/20."""
         found = self.found.get((*key, metric, group))
         return "" if found is None else f"{round(found.value * found.n)}/{found.n}"

@@ -9,18 +9,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kpred.evaluation.real import evaluate_crops as evaluate_crops
+    from kpred.evaluation.real import read_crops as read_crops
     from kpred.evaluation.rows import Row as Row
     from kpred.evaluation.rows import Score as Score
     from kpred.evaluation.rows import aggregate as aggregate
     from kpred.evaluation.rows import write_rows as write_rows
     from kpred.evaluation.run import evaluate as evaluate
     from kpred.evaluation.run import run_header as run_header
+    from kpred.evaluation.scans import ScansReport as ScansReport
+    from kpred.evaluation.scans import evaluate_scans as evaluate_scans
+    from kpred.evaluation.scene_targets import evaluate_scenes as evaluate_scenes
 
 _HOME = {
     "Row": "rows",
+    "ScansReport": "scans",
     "Score": "rows",
     "aggregate": "rows",
     "evaluate": "run",
+    "evaluate_crops": "real",
+    "evaluate_scans": "scans",
+    "evaluate_scenes": "scene_targets",
+    "read_crops": "real",
     "run_header": "run",
     "write_rows": "rows",
 }

@@ -103,7 +103,8 @@ def evaluate_scans(
         database: where to search; None builds one for every folder from the split `source` of its packs.
         seed: of targets, scans, databases that are built, fits and intervals.
         top_k: how many retrieved models are deformed and compared.
-        worst: how many of the worst targets get a tile of the contact sheet; half as many typical ones come after.
+        worst: how many of the worst targets get a tile of the contact sheet; half as many typical ones, and as many
+            other things, come after.
         progress: called as the work goes on.
         report: called with one sentence for each shape left out.
 
