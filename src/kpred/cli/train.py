@@ -169,6 +169,8 @@ class RecognitionCommand(Command):
     """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
     threads: Annotated[int | None, arg(metavar="N")] = None
     """CPU threads; without it, as many as torch chooses"""
+    start_from: Annotated[Path | None, arg(metavar="FOLDER")] = None
+    """Start with the weights of this recognizer"""
     resume: Annotated[bool, arg(help_behavior_hint="")] = True
     """Start anew in a folder that holds a stopped run, and not where it stopped"""
     training: Annotated[RecognitionConfig, arg(name="")] = field(default_factory=RecognitionConfig)
@@ -193,7 +195,14 @@ class RecognitionCommand(Command):
 
             packs = [MeshPack.load(path) for path in self.packs]
             network = train_recognizer(
-                packs, self.training, self.output, _device(self.device), bar.update, report, self.resume
+                packs,
+                self.training,
+                self.output,
+                _device(self.device),
+                bar.update,
+                report,
+                self.resume,
+                start_from=self.start_from,
             )
         seconds = time.perf_counter() - began
         weights = self.output / "model"

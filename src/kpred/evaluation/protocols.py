@@ -26,6 +26,7 @@ from kpred.evaluation.rows import CD, NO_LEARNING, UCD, UCD_WHOLE, UNDEFORMED, W
 from kpred.evaluation.targets import Target
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve
+from kpred.fitting.choice import order
 from kpred.fitting.observation import observe
 from kpred.nn import KPRed
 from kpred.ops import chamfer_distance, squared_distances
@@ -102,13 +103,16 @@ class _Sheet:
             self.add("sampling_floor", float(squared_distances(cloud[None], again[None]).mean()))
 
     def best(self, metric: str, candidates: Candidates, top_k: tuple[int, ...]) -> None:
-        """The lowest error among the first k candidates; they come nearest first."""
+        """The best of the first k candidates; they come nearest first."""
         errors = candidates.errors()
         for k in top_k:
-            row = errors[:k].argmin()
+            first = torch.arange(min(k, len(errors)))
+            # The published protocol takes the lowest error; a refined partial scan's result is chosen as a fit does.
+            refined = self.whole is not None and metric == "refined"
+            row = torch.tensor(order(candidates.take(first), errors[first])[0]) if refined else errors[:k].argmin()
             self.add(metric, float(errors[row]), top_k=k)
             if self.whole is not None:
-                # The model was chosen by what was seen; it is charged for what was not.
+                # The model was chosen by what was seen; it is charged for what was not seen.
                 squared = squared_distances(self.whole[None], candidates.take(row[None]).deformed())
                 self.add(metric + WHOLE, float(squared.mean()), UCD_WHOLE, k)
 

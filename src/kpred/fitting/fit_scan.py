@@ -15,6 +15,7 @@ import trimesh
 
 from kpred.database import Database
 from kpred.errors import ConfigError
+from kpred.fitting.choice import order as least_risk_order
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, looks_partial
@@ -84,7 +85,8 @@ def fit(
         sensor: (3,) or (S, 3) where the scanner stood, scan's frame; the result may not fill space it looked through.
         floor: height of the floor along the up axis, scan's frame and unit, where it is known: the object stands on it.
 
-    The candidate of the lowest error is chosen; of those within 5 % of it, the one that had to be deformed least.
+    Of a full scan's candidates the one of the lowest error is chosen; of those within 5 % of it, the one that had to be
+    deformed least. Of a partial scan's the one whose whole surface is likely right (`kpred.fitting.choice`).
 
     Returns:
         The fit; `fit.mesh` is in the scan's own frame and units.
@@ -212,7 +214,13 @@ def _subsample(points: np.ndarray, most: int, seed: int) -> np.ndarray:
 
 
 def _order(chosen: Hypothesis, errors: torch.Tensor) -> list[int]:
-    """Rows by error; of those that are as good as the best, the one that had to be deformed least comes first."""
+    """Rows of the candidates, the result first.
+
+    Partial scans: by expected error of the whole surface. Full scans: by error; of those that are as good as the best,
+    the one that had to be deformed least comes first.
+    """
+    if chosen.candidates.partial:
+        return least_risk_order(chosen.candidates, errors)
     moved = chosen.candidates.deformed() - chosen.candidates.points
     deformation = moved.square().sum(-1).mean(1)
     as_good = errors <= errors.min() * (1 + SAMPLING_NOISE)

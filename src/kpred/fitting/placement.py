@@ -9,7 +9,7 @@ import numpy as np
 from kpred.errors import ConfigError
 from kpred.fitting.pose import PoseEstimator, UprightPose, pose_estimator
 from kpred.fitting.recognise import POINTS, Reading, ask, readings, recognised
-from kpred.fitting.up_axis import up_scores
+from kpred.fitting.up_axis import PRIOR, up_scores
 from kpred.fitting.upright import SAME, upright_rotation, yaw_rotation
 from kpred.nn import Recognizer
 
@@ -22,8 +22,8 @@ TURN_ODDS = -0.3
 TRIED_AXES = 3
 """Up axes that the recognizer is asked about, the likeliest first."""
 
-RECOGNIZER_SHARE = 1.0
-"""Weight of the recognizer's log-odds beside those of the geometric evidence for an up axis."""
+EVIDENCE_SHARE = 0.5
+"""Weight of the geometric evidence for an up axis where the recognizer has its say too: each is too sure of itself."""
 
 
 def check_known_frame(points: np.ndarray) -> None:
@@ -56,7 +56,7 @@ def up_axis(points: np.ndarray, up: str, recognizer: Recognizer | None = None) -
     total = {}
     for name in order[:TRIED_AXES]:
         odds, _ = ask(points[:POINTS], [turn @ upright_rotation(name) for turn in turns], recognizer)
-        total[name] = scores[name] + RECOGNIZER_SHARE * float(odds.max())
+        total[name] = PRIOR[name] + EVIDENCE_SHARE * (scores[name] - PRIOR[name]) + float(odds.max())
     return max(total, key=lambda name: total[name])
 
 

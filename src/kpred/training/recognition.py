@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from kpred.nn.loading import save_recognizer
+from kpred.errors import ConfigError
+from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MOST_TURN, Recognizer, RecognizerConfig
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
@@ -145,12 +147,16 @@ def train_recognizer(
     report: StepReport | None = None,
     resume: bool = True,
     model: RecognizerConfig | None = None,
+    start_from: str | os.PathLike[str] | None = None,
 ) -> Recognizer:
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
 
-    Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was.
+    Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was. `start_from`
+    is a recognizer's folder, whose weights the training starts with.
 
     Raises:
+        ModelError: if there is no recognizer in `start_from`.
+        ConfigError: if it is of another architecture or knows other categories.
         PackError: if the packs hold too few shapes.
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
@@ -160,6 +166,11 @@ def train_recognizer(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         network = Recognizer(architecture).to(device)
+    if start_from is not None:
+        earlier = load_recognizer(start_from)
+        if earlier.config != architecture:
+            raise ConfigError(f"{start_from} holds another kind of recognizer; give the same categories and settings.")
+        network.load_state_dict(earlier.state_dict())
     where = data.clouds.device
     checkpoint = resumable(folder, "recognition", architecture.to_dict(), config.to_dict(), where) if resume else None
     if checkpoint:
@@ -169,6 +180,7 @@ def train_recognizer(
     numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
     record = {
         "model": architecture.to_dict(),
+        "start_from": None if start_from is None else str(start_from),
         "training": config.to_dict(),
         "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),
     }
