@@ -29,8 +29,8 @@ SCREENED = 3
 """Candidates of each hypothesis that are screened."""
 
 ERROR_WEIGHT = 1.0
-"""Odds fall with this power of the error of the quick fit. On virtual scans of training shapes powers up to 2 choose the
-same readings, and higher ones worse: almost anything can be fitted to what is seen of a thing.
+"""Odds fall with this power of the error of the quick fit. On virtual scans of training shapes powers up to 2 choose
+the same readings, and higher ones worse: almost anything can be fitted to what is seen of a thing.
 """
 
 UNSEEN_DISTANCE = 0.1
