@@ -30,6 +30,9 @@ SEED = 33
 CATEGORIES = ("chair", "table", "cabinet", "other")
 WHOLE, FRAGMENT = 0.2, 0.15
 """Shares of scans that show the whole surface, and that show a fragment only."""
+SIGNS, LEAST = (-1, -1, 1, 1, 1, -1, 1), 0.05
+"""Signs of the weights of error, unexplained, seen, category, turn, box and odds, and their least size: chance in a few
+hundred scans must not make a worse fit count as better."""
 PENALTY = 0.02
 """Of the weights' squares, so that no single one grows without need."""
 
@@ -101,13 +104,14 @@ def is_right(fit: kpred.Fit, target: ScanTarget) -> bool:
 
 
 def regression(features: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Weights of the likeliest logistic model, with a small penalty on all but the constant."""
+    """Weights of the likeliest logistic model with a small penalty, and with the signs that they must have."""
     sign = np.where(right, 1.0, -1.0)
 
     def loss(weights: np.ndarray) -> float:
         return float(np.logaddexp(0, -sign * (features @ weights)).mean() + PENALTY * np.square(weights[1:]).mean())
 
-    return np.asarray(minimize(loss, np.zeros(features.shape[1]), method="BFGS").x)
+    bounds = [(-20.0, 20.0), *((LEAST, 20.0) if sign > 0 else (-20.0, -LEAST) for sign in SIGNS)][: features.shape[1]]
+    return np.asarray(minimize(loss, np.zeros(features.shape[1]), method="L-BFGS-B", bounds=bounds).x)
 
 
 def probability(features: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ UNEXPLAINED_DISTANCE = 0.1
 SAME_TURN = math.radians(20.0)
 """Readings whose turns differ by less than this are one, as far as confidence goes."""
 
-SAME_SHAPE = 0.06
+SAME_SHAPE = 0.03
 """A turn leaves a result as it is if the turned one is, in the mean, no farther from it than this, unit box."""
 
 SHAPE_POINTS = 512

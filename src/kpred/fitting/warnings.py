@@ -44,9 +44,13 @@ def warnings_of(
     others = {name: share for name, share in category_confidence.items() if name != category}
     if others and evidence.category < CLEAR:
         other = max(others, key=lambda name: others[name])
-        found.append(f"It may be a {other} as well (probability {others[other]:.2f}); --category {other} fits that.")
+        found.append(
+            f"It may be a {other} as well (probability {others[other]:.2f}); name the category if you know it."
+        )
     if evidence.turn < CLEAR:
-        found.append(f"It may face another way (probability of this way {evidence.turn:.2f}); --pose sets it.")
+        found.append(
+            f"It may face another way (probability of this way {evidence.turn:.2f}); give its pose if you know it."
+        )
     if evidence.unexplained > MOST_UNEXPLAINED:
         found.append(
             f"{100 * evidence.unexplained:.0f} % of the scan lie farther than 5 % of the object's size from the "
