@@ -30,6 +30,8 @@ GENERATED, REDISTRIBUTED = 60, 60
 """Models a category in the starter database: from the generator, and from infinigen."""
 PARTIAL_RECORD = "training_partial.json"
 """Record of a later training of the partial stage alone."""
+FIRST_RECORD = "training_first.json"
+"""Record of the training that another one started from."""
 DATABASE_SEED = 11
 """A seed of the generator that training does not use."""
 
@@ -64,9 +66,13 @@ def copy_weights(runs: Path) -> None:
         alone = record["stages"] == ["partial"]
         shutil.copy(run / "training.json", target / (PARTIAL_RECORD if alone else "training.json"))
     if (runs / "recognizer" / "model").is_dir():
-        target = BUNDLED / "model" / "recognizer"
-        save_recognizer(load_recognizer(runs / "recognizer" / "model"), target)
-        shutil.copy(runs / "recognizer" / "model" / "training.json", target / "training.json")
+        run, target = runs / "recognizer" / "model", BUNDLED / "model" / "recognizer"
+        save_recognizer(load_recognizer(run), target)
+        record = json.loads((run / "training.json").read_text())
+        if record["start_from"] is not None:
+            shutil.copy(Path(record["start_from"]) / "training.json", target / FIRST_RECORD)
+            record["start_from"] = f"the weights that {FIRST_RECORD} is the record of"
+        (target / "training.json").write_text(json.dumps(record, indent=2) + "\n")
 
 
 def make_database(infinigen: Path) -> None:
@@ -179,6 +185,10 @@ def _recognizer_card(folder: Path) -> list[str]:
     record = json.loads((folder / "training.json").read_text())
     network, training = load_recognizer(folder), record["training"]
     numbers = ", ".join(f"{count} of {name}" for name, count in record["shapes"].items())
+    steps = str(training["optimisation"]["steps"])
+    if (folder / FIRST_RECORD).exists():
+        first = json.loads((folder / FIRST_RECORD).read_text())["training"]["optimisation"]["steps"]
+        steps = f"{first}, then {steps} more from the weights of the first (`--start-from`)"
     return [
         "# kpred: recognizer",
         "",
@@ -191,8 +201,7 @@ def _recognizer_card(folder: Path) -> list[str]:
         f"| parameters | {sum(p.numel() for p in network.parameters()):,} |",
         f"| trained on | {numbers}: this project's generator (`kpred data generate CATEGORY -n 900 --seed 21 --cuboids "
         "0.4`, `kpred data generate other -n 1500 --seed 5`) and infinigen, splits source and train; nothing else |",
-        f"| steps | {training['optimisation']['steps']}; batch {training['optimisation']['batch']}, "
-        f"{training['points']} points |",
+        f"| steps | {steps}; batch {training['optimisation']['batch']}, {training['points']} points |",
         f"| seed | {training['seed']} |",
         f"| command | `kpred train recognition INFINIGEN/*.npz GENERATED/*.npz --optimisation.steps "
         f"{training['optimisation']['steps']} --precision {training['precision']}` |",
