@@ -18,6 +18,7 @@ from kpred.errors import ConfigError
 from kpred.fitting.choice import order as least_risk_order
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
+from kpred.fitting.free_space import free_space_errors
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, looks_partial
 from kpred.fitting.placement import check_known_frame, judged, placements, up_axis
 from kpred.fitting.pose import PoseEstimator
@@ -100,6 +101,7 @@ def fit(
         raise ConfigError(f"top_k must be at least 1, but is {top_k}.")
     if frame not in ("auto", "known"):
         raise ConfigError(f"frame must be 'auto' or 'known', but is '{frame}'.")
+    stood = None if sensor is None else _sensors(sensor)
     clock = _Clock()
     with clock("read"):
         name = "scan" if isinstance(scan, np.ndarray) else str(scan)
@@ -129,7 +131,7 @@ def fit(
         else:
             readings = placements(points, up, pose, networks.recognizer, categories)
         readings = worth_trying(readings, networks.recognizer is not None)
-    search = Search(networks, store, top_k, known, sensor, floor)
+    search = Search(networks, store, top_k, known, floor)
     with clock("retrieve"):
         # Whether a scan is partial is judged by the likeliest reading, or by all where nothing judged them.
         few = readings[:1] if partial is None and networks.recognizer is not None else readings
@@ -149,8 +151,13 @@ def fit(
             refined = chosen.candidates.refined(refinement or RefineConfig())
             refined_errors = refined.errors()
             chosen = replace(chosen, candidates=refined)
+    with clock("choose"):
+        errors = feed_forward if refined_errors is None else refined_errors
+        if stood is not None:
+            sensors = torch.from_numpy(chosen.frame.to_unit(stood)).float()
+            errors = errors + free_space_errors(chosen.candidates.deformed(), chosen.candidates.target, sensors)
+        order = _order(chosen, errors)
     with clock("mesh"):
-        order = _order(chosen, feed_forward if refined_errors is None else refined_errors)
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
         meshes = _meshes(chosen, candidates[0], store)
         metrics = _metrics(chosen, candidates[0], order[0], known)
@@ -206,6 +213,14 @@ class _Clock:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - started
+
+
+def _sensors(sensor: np.ndarray) -> np.ndarray:
+    """Places (S, 3) where the scanner stood, of one or several."""
+    places = np.atleast_2d(np.asarray(sensor, dtype=np.float64))
+    if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
+        raise ConfigError(f"sensor must be one or several places of 3 finite numbers each, but is {sensor}.")
+    return places
 
 
 def _subsample(points: np.ndarray, most: int, seed: int) -> np.ndarray:

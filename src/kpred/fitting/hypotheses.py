@@ -76,14 +76,13 @@ class Search:
     Attributes:
         model, database: the networks, and the models they encoded; top_k: candidates of each hypothesis.
         frame_known: the scan lies in its whole object's unit box.
-        sensor: (S, 3) where the scanner stood, scan's frame; floor: height along the up axis, after `upright`.
+        floor: height along the up axis, after `upright`, where it is known.
     """
 
     model: Model
     database: Database
     top_k: int
     frame_known: bool
-    sensor: np.ndarray | None = None
     floor: float | None = None
 
 
