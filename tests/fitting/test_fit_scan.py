@@ -45,7 +45,9 @@ def _distance(fit: Fit, other: Fit) -> float:
 
 
 def test_the_bundle_is_whole(database: kpred.Database) -> None:
-    assert set(kpred.load_model().categories) == set(CATEGORIES)
+    model = kpred.load_model()
+    assert set(model.categories) == set(CATEGORIES)
+    assert model.recognizer is not None and set(model.recognizer.config.categories) == set(CATEGORIES)
     for category in CATEGORIES:
         assert len(database.model_ids(category)) >= 100
         folder = bundled_database_path().parent / "model" / category
