@@ -10,6 +10,7 @@ import torch
 
 from kpred.errors import ConfigError
 from kpred.fitting import pose
+from kpred.fitting.hypotheses import thickened
 from kpred.fitting.placement import placements
 from kpred.fitting.pose import IdentityPose, PoseEstimator, UprightPose, given_pose, pose_estimator
 from kpred.fitting.up_axis import find_up
@@ -232,3 +233,12 @@ def test_without_a_recognizer_a_scan_is_first_taken_as_it_stands(scans: list[tup
     assert np.allclose(found[0].rotation, np.eye(3)) and found[0].log_odds == found[1].log_odds == 0
     assert {reading.category for reading in found} == {"chair", "table"} and len(found) == 10
     assert all(reading.log_odds < 0 for reading in found[2:])
+
+
+def test_a_box_as_thin_as_a_plate_is_thickened_behind_its_front() -> None:
+    low, high = np.array([-1.0, -1.0, 0.95]), np.array([1.0, 1.0, 1.0])
+    thick_low, thick_high = thickened(low, high)
+    assert np.array_equal(thick_high, high) and np.array_equal(thick_low[:2], low[:2])
+    assert thick_high[2] - thick_low[2] == pytest.approx(0.7)
+    for kept_low, kept_high in ((low, np.array([1.0, 1.0, 1.4])), (low * 0.5, np.array([0.5, 1.0, 1.0]))):
+        assert all(np.array_equal(a, b) for a, b in zip(thickened(kept_low, kept_high), (kept_low, kept_high)))

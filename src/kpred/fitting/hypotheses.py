@@ -18,6 +18,7 @@ from kpred.fitting.refine import RefineConfig, refine_keypoints
 from kpred.nn import KPRed, Model
 from kpred.ops import nearest_neighbours, squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
+from kpred.ops.typing import Float
 
 SCREEN = RefineConfig(iterations=3, points=256, prior=0.05)
 """Quick refinement by which hypotheses are compared."""
@@ -32,6 +33,12 @@ ERROR_WEIGHT = 1.0
 """Odds fall with this power of the error of the quick fit. On virtual scans of training shapes powers up to 2 choose
 the same readings, and higher ones worse: almost anything can be fitted to what is seen of a thing.
 """
+
+LEAST_SIDE = 0.12
+"""Furniture is thicker than this share of its longest side; a thinner box is that of one plate that alone was seen."""
+
+USUAL_SIDES = (0.7, 0.5, 0.35)
+"""Width, height and depth, as shares of the longest side, that such a plate's object is taken to have."""
 
 UNSEEN_DISTANCE = 0.1
 UNSEEN_SHARE = 0.02
@@ -142,6 +149,7 @@ def whole_frames(
         corners, spread = network.whole_box(_clouds(points, frames)[:, :SCREEN_POINTS])
     wholes, errors = [], []
     for frame, (low, high), error in zip(frames, corners.double().numpy(), spread.double().numpy(), strict=True):
+        low, high = thickened(low, high)
         if floor is not None:
             level = (floor - float((frame.rotation @ frame.center)[1])) / frame.scale
             low[1] = min(level, high[1] - 0.05)
@@ -151,8 +159,29 @@ def whole_frames(
     return wholes, errors
 
 
+def thickened(
+    low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Corners of a box, canonical axes, no side of which is as thin as no furniture is.
+
+    Where only one plate was seen, the network may see no sign of what is behind it. A plate across the depth is then
+    taken as the front, since the reading says that it faces +z, a level one as the top; to the side both are likely.
+    """
+    low, high = low.copy(), high.copy()
+    side, longest = high - low, float((high - low).max())
+    for axis in np.flatnonzero(side < LEAST_SIDE * longest):
+        more = USUAL_SIDES[axis] * longest - side[axis]
+        below = 0.5 if axis == 0 else 1.0
+        low[axis] -= below * more
+        high[axis] += (1.0 - below) * more
+    return low, high
+
+
 def looks_partial(reading: Hypothesis) -> bool:
-    """Whether much of the best full-shape explanation lies where the scan has no points."""
+    """Whether the scan is one plate, or much of the best full-shape explanation lies where it has no points."""
+    sides = reading.candidates.target.quantile(torch.tensor([0.01, 0.99]), dim=0).diff(dim=0)[0]
+    if float(sides.min()) < LEAST_SIDE * float(sides.max()):
+        return True
     order = reading.candidates.errors(most=512).argsort()[:SCREENED]
     close = reading.candidates.refined(SCREEN, order)
     best = close.take(close.errors(most=512).argmin()[None])
