@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 from kpred.database import Database, build_database
 from kpred.errors import ConfigError, DatabaseError, KpredError, ModelError, PackError
 from kpred.evaluation import evaluate, run_header
+from kpred.evaluation.measuring import pack_files, steps_of
 from kpred.evaluation.rows import Row
-from kpred.evaluation.run import _steps, pack_files
 from kpred.evaluation.targets import Target, read_targets
 from kpred.fitting import fit
 from kpred.nn import Model, ModelConfig
@@ -203,7 +203,7 @@ def test_wrong_arguments_are_told_in_one_sentence(packs: dict[str, Path], model:
 
 def test_an_unknown_protocol_is_told() -> None:
     with pytest.raises(ConfigError, match="full, partial, all"):
-        _steps("half", (0.0,))
+        steps_of("half", (0.0,))
 
 
 def test_what_is_wrong_with_the_last_pack_is_told_before_the_first_is_measured(

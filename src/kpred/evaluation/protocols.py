@@ -8,6 +8,7 @@ Metrics, each the best of the models compared:
     sampling_floor       two independent samples of the target: what even a perfect result would be charged
     undeformed_nearest   the true nearest database shape as it is, all of them compared
     no_learning          the nearest undeformed shapes, deformed by `NoLearning` with refinement from no displacement
+    undeformed_retrieved the models retrieved by tokens, as they are
     feed_forward         models retrieved by tokens, deformed by the network's keypoints (the published protocol)
     refined              the same after keypoint refinement
     oracle_...           the same with all of the database in place of the retrieved models
@@ -15,14 +16,14 @@ Metrics, each the best of the models compared:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from kpred.database import Database
 from kpred.evaluation.baselines import CHUNK, NoLearning, undeformed_errors
-from kpred.evaluation.rows import CD, NO_LEARNING, UCD, UCD_WHOLE, UNDEFORMED, WHOLE, Score
+from kpred.evaluation.rows import CD, NO_LEARNING, RETRIEVED, UCD, UCD_WHOLE, UNDEFORMED, WHOLE, Score
 from kpred.evaluation.targets import Target
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve
@@ -30,6 +31,7 @@ from kpred.fitting.choice import order
 from kpred.fitting.observation import observe
 from kpred.nn import KPRed
 from kpred.ops import chamfer_distance, squared_distances
+from kpred.ops.typing import Float
 
 FULL, PARTIAL = "full", "partial"
 
@@ -43,6 +45,8 @@ class Bench:
         top_k: numbers of models to compare; every number gets scores of its own.
         refinement: settings of the refinement, for the learned model and for the baseline alike.
         oracle: whether all of the database is deformed and compared too.
+        baselines, learned: whether what needs no model, and what the model does, are measured: of several models on the
+            same targets one is enough to measure the baselines beside.
     """
 
     network: KPRed
@@ -51,33 +55,46 @@ class Bench:
     top_k: tuple[int, ...]
     refinement: RefineConfig
     oracle: bool = False
+    baselines: bool = True
+    learned: bool = True
 
 
 def measure(target: Target, bench: Bench, protocol: str, occlusion: float = 0.0) -> list[Score]:
     """All scores of one target; what is measured is what `kpred.fit` does with `frame="known"` and this category."""
-    partial = protocol == PARTIAL
-    cloud = target.visible(occlusion) if partial else target.points
-    sheet = _Sheet(protocol, occlusion, target.points if partial else None)
-    category, shapes = bench.baseline.category, bench.baseline.points
-    undeformed = undeformed_errors(cloud, shapes, partial)
-    sheet.floor(cloud, target.again)
-    sheet.add(UNDEFORMED, float(undeformed.min()))
-    if partial:
-        sheet.add(UNDEFORMED + WHOLE, float(undeformed_errors(target.points, shapes, partial=True).min()), UCD_WHOLE)
+    cloud = target.visible(occlusion) if protocol == PARTIAL else target.points
+    return measure_cloud(cloud, target, bench, protocol, occlusion)
 
-    most = len(shapes) if bench.oracle else max(bench.top_k)
-    observation = observe(cloud[None], bench.network, partial)
-    found = retrieve(observation, 0, bench.database, category, most, partial)
-    nearest = undeformed.argsort(stable=True)[:most]
-    unmoved = bench.baseline.candidates(cloud, undeformed, nearest, partial)
-    few = torch.arange(min(max(bench.top_k), len(shapes)))
-    sheet.best(NO_LEARNING, unmoved.refined(bench.refinement, few), bench.top_k)
-    sheet.best("feed_forward", found, bench.top_k)
-    sheet.best("refined", found.refined(bench.refinement, few), bench.top_k)
-    if bench.oracle:
-        sheet.add(f"oracle_{NO_LEARNING}", _best_of_all(unmoved, bench.refinement))
-        sheet.add("oracle_feed_forward", _best_of_all(found, None))
-        sheet.add("oracle_refined", _best_of_all(found, bench.refinement))
+
+def measure_cloud(
+    cloud: Float[Tensor, "seen 3"], target: Target, bench: Bench, protocol: str, occlusion: float
+) -> list[Score]:
+    """All scores of one target of which `cloud` is seen, in the known frame; unit box."""
+    partial = protocol == PARTIAL
+    sheet = _Sheet(protocol, occlusion, target.points if partial else None)
+    baseline = bench.baseline
+    few = torch.arange(min(max(bench.top_k), len(baseline.points)))
+    most = len(baseline.points) if bench.oracle else max(bench.top_k)
+    if bench.baselines:
+        undeformed = undeformed_errors(cloud, baseline.points, partial)
+        sheet.floor(cloud, target.again)
+        sheet.add(UNDEFORMED, float(undeformed.min()))
+        if partial:
+            whole = undeformed_errors(target.points, baseline.points, partial=True)
+            sheet.add(UNDEFORMED + WHOLE, float(whole.min()), UCD_WHOLE)
+        unmoved = baseline.candidates(cloud, undeformed, undeformed.argsort(stable=True)[:most], partial)
+        sheet.best_refined(NO_LEARNING, unmoved, bench)
+        if bench.oracle:
+            sheet.add(f"oracle_{NO_LEARNING}", _best_of_all(unmoved, bench.refinement))
+    if bench.learned:
+        observation = observe(cloud[None], bench.network, partial)
+        found = retrieve(observation, 0, bench.database, baseline.category, most, partial)
+        nearest = found.take(few)
+        sheet.best(RETRIEVED, replace(nearest, displacement=torch.zeros_like(nearest.displacement)), bench.top_k)
+        sheet.best("feed_forward", nearest, bench.top_k)
+        sheet.best_refined("refined", nearest, bench)
+        if bench.oracle:
+            sheet.add("oracle_feed_forward", _best_of_all(found, None))
+            sheet.add("oracle_refined", _best_of_all(found, bench.refinement))
     return sheet.scores
 
 
@@ -116,9 +133,17 @@ class _Sheet:
                 squared = squared_distances(self.whole[None], candidates.take(row[None]).deformed())
                 self.add(metric + WHOLE, float(squared.mean()), UCD_WHOLE, k)
 
+    def best_refined(self, metric: str, candidates: Candidates, bench: Bench) -> None:
+        """The best of the first k, refined as a fit of top k refines them: only the best few of them to the end."""
+        for k in bench.top_k:
+            first = torch.arange(min(k, len(candidates.points)))
+            self.best(metric, candidates.refined(bench.refinement, first), (k,))
+
 
 def _best_of_all(candidates: Candidates, refinement: RefineConfig | None) -> float:
+    """The lowest error of all candidates, each refined to the end."""
     best = float("inf")
+    refinement = None if refinement is None else replace(refinement, finalists=CHUNK)
     for rows in torch.arange(len(candidates.points)).split(CHUNK):
         part = candidates.take(rows) if refinement is None else candidates.refined(refinement, rows)
         best = min(best, float(part.errors().min()))

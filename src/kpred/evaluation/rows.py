@@ -19,6 +19,7 @@ UCD = "unilateral_chamfer_distance"
 UCD_WHOLE = "unilateral_chamfer_distance_of_whole_surface"
 
 UNDEFORMED = "undeformed_nearest"
+RETRIEVED = "undeformed_retrieved"
 NO_LEARNING = "no_learning"
 WHOLE = "_whole"
 """Ending of metrics that are measured from the whole surface although only a part of it was seen."""

@@ -5,26 +5,21 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any, Literal
 
-import torch
-
 from kpred.database import Database
-from kpred.errors import ConfigError, PackError
-from kpred.evaluation.baselines import NoLearning
 from kpred.evaluation.header import made_by, versions
-from kpred.evaluation.protocols import FULL, PARTIAL, Bench, measure
+from kpred.evaluation.measuring import Plan, checked_packs, measure_pack, numbers, pack_files, steps_of
+from kpred.evaluation.protocols import FULL
 from kpred.evaluation.rows import FRAME, UNIT, Row, Score, aggregate
-from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
-from kpred.evaluation.targets import read_targets
+from kpred.evaluation.searched import SOURCE_SPLIT, Progress
+from kpred.evaluation.table_data import ALL
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
-from kpred.shapes import MeshPack
 
 OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
-ALL = "all"
+MODEL = "model"
 
 
 def _warn(message: str) -> None:
@@ -74,44 +69,25 @@ def evaluate(
         ModelError, DatabaseError: they are missing, do not fit each other, or do not know a pack's category.
         ConfigError: an argument has an impossible value.
     """
-    steps = _steps(protocol, occlusions)
-    plan = _Plan(_numbers(top_k), steps, split, limit, seed, oracle, refinement or RefineConfig())
+    plan = Plan(
+        numbers(top_k), steps_of(protocol, occlusions), split, limit, seed, oracle, refinement or RefineConfig()
+    )
     files = pack_files(packs)
     networks = model if isinstance(model, Model) else load_model(model)
     rows: list[Row] = []
     pooled: list[Score] = []
     models_searched: list[int] = []
-    loaded = [MeshPack.load(file) for file in files]
-    # What is wrong with the last pack must not come out after an hour's work on the first.
-    for file, pack in zip(files, loaded, strict=True):
-        _check(file, pack, networks, split, needs_source=database is None)
-    for file, pack in zip(files, loaded, strict=True):
-        scores, size, count = _measure_pack(file, pack, networks, database, plan, progress, report)
-        dataset = file.resolve().parent.name
-        rows += aggregate(scores, dataset=dataset, split=split, category=pack.category, database_models=size)
+    for pack in checked_packs(files, [networks], split, needs_source=database is None):
+        measured = measure_pack(pack, {MODEL: networks}, {MODEL: database}, plan, progress, report)
+        scores = [score for target in measured for _, score in target.scores]
+        size = measured[0].database_models
+        rows += aggregate(scores, dataset=pack.dataset, split=split, category=pack.pack.category, database_models=size)
         pooled += scores
-        models_searched += [size] * count
+        models_searched += [size] * len(measured)
     if len(files) > 1:
         size = round(sum(models_searched) / len(models_searched))
         rows += aggregate(pooled, dataset=ALL, split=split, category=ALL, database_models=size)
     return rows
-
-
-def pack_files(packs: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """The files themselves, and the .npz files of folders in the order of their names.
-
-    Raises:
-        PackError: nothing was given, or a folder has no pack.
-    """
-    files: list[Path] = []
-    for path in map(Path, packs):
-        found = sorted(path.glob("*.npz")) if path.is_dir() else [path]
-        if not found:
-            raise PackError(f"{path}: the folder has no mesh packs; give .npz files, or a folder of them.")
-        files += found
-    if not files:
-        raise PackError("There is no pack to evaluate on; give at least one .npz file.")
-    return files
 
 
 def run_header(
@@ -135,7 +111,7 @@ def run_header(
         "split": split,
         "protocol": protocol,
         "occlusions": [] if protocol == FULL else list(occlusions),
-        "top_k": list(_numbers(top_k)),
+        "top_k": list(numbers(top_k)),
         "limit": limit,
         "seed": seed,
         "refinement": asdict(refinement or RefineConfig()),
@@ -145,76 +121,3 @@ def run_header(
         "note": "mean over instances; the numbers of published tables are most likely 10^2 times these",
         "versions": versions(),
     }
-
-
-@dataclass(frozen=True)
-class _Plan:
-    top_k: tuple[int, ...]
-    steps: tuple[tuple[str, float], ...]
-    split: str
-    limit: int | None
-    seed: int
-    oracle: bool
-    refinement: RefineConfig
-
-
-def _measure_pack(
-    file: Path,
-    pack: MeshPack,
-    model: Model,
-    database: Database | str | os.PathLike[str] | None,
-    plan: _Plan,
-    progress: Progress | None,
-    report: Callable[[str], None],
-) -> tuple[list[Score], int, int]:
-    """Scores of all targets of one pack, the number of models searched, and of targets."""
-    name = f"{file.resolve().parent.name}/{pack.category}"
-    network = model[pack.category]
-    targets = read_targets(pack, str(file), plan.split, plan.limit, plan.seed, report)
-    building = counter(progress, f"{name}: database", len(pack.indices(SOURCE_SPLIT)))
-    with searched([file], model, database, plan.seed, building, report) as store:
-        arrays = store.candidates(pack.category)
-        known = set(arrays.model_ids) & {target.model_id for target in targets}
-        if known:
-            report(f"{file}: {len(known)} of {len(targets)} targets are in the database; their errors say little.")
-        shapes = torch.from_numpy(arrays.points)
-        baseline = NoLearning.build(
-            arrays.model_ids, pack.category, shapes, counter(progress, f"{name}: baseline", len(shapes))
-        )
-        bench = Bench(network, store, baseline, plan.top_k, plan.refinement, plan.oracle)
-        scores: list[Score] = []
-        with torch.inference_mode():
-            for done, target in enumerate(targets, start=1):
-                for protocol, occlusion in plan.steps:
-                    scores += measure(target, bench, protocol, occlusion)
-                if progress is not None:
-                    progress(f"{name}: {plan.split}", done, len(targets))
-    return scores, len(shapes), len(targets)
-
-
-def _check(file: Path, pack: MeshPack, model: Model, split: str, needs_source: bool) -> None:
-    model[pack.category]
-    if not len(pack.indices(split)):
-        found = ", ".join(sorted(set(pack.split.tolist()))) or "none"
-        raise PackError(f"{file}: no shape is in the split '{split}'; its splits are {found}.")
-    if needs_source and not len(pack.indices(SOURCE_SPLIT)):
-        raise PackError(f"{file}: no shape is in the split '{SOURCE_SPLIT}' to search; give a database.")
-
-
-def _numbers(top_k: int | Sequence[int]) -> tuple[int, ...]:
-    numbers = (top_k,) if isinstance(top_k, int) else tuple(top_k)
-    if not numbers or min(numbers) < 1:
-        raise ConfigError(f"top_k must be at least 1, but is {', '.join(map(str, numbers)) or 'empty'}.")
-    return tuple(sorted(set(numbers)))
-
-
-def _steps(protocol: str, occlusions: Sequence[float]) -> tuple[tuple[str, float], ...]:
-    if protocol not in (FULL, PARTIAL, ALL):
-        raise ConfigError(f"The protocol must be one of {FULL}, {PARTIAL}, {ALL}, but is '{protocol}'.")
-    steps = [] if protocol == PARTIAL else [(FULL, 0.0)]
-    if protocol != FULL:
-        # Below some fifty points there is nothing to fit a shape to.
-        if not occlusions or not all(0 <= share <= 0.95 for share in occlusions):
-            raise ConfigError(f"Occlusions must be shares from 0 to 0.95, but are {list(occlusions)}.")
-        steps += [(PARTIAL, float(share)) for share in occlusions]
-    return tuple(steps)

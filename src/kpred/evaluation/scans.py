@@ -21,8 +21,8 @@ from kpred.errors import ConfigError, DatabaseError, MeshError, PackError
 from kpred.evaluation import scan_targets
 from kpred.evaluation.contact_sheet import Tile
 from kpred.evaluation.header import made_by, versions
+from kpred.evaluation.measuring import pack_files
 from kpred.evaluation.reliability import Reliability
-from kpred.evaluation.run import pack_files
 from kpred.evaluation.scan_outcomes import NEAR, YAW_RIGHT, Fitting, ScanOutcome, measure_other, measure_scan
 from kpred.evaluation.scan_summaries import confusion, reliability_of, summarise
 from kpred.evaluation.scan_targets import ScanTarget, make_scan_target

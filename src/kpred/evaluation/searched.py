@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from kpred.database import Database, build_database
+from kpred.errors import OutputError, PackError
 from kpred.nn import Model
 from kpred.shapes import open_shapes
 
@@ -26,10 +28,15 @@ def searched(
     seed: int,
     progress: Callable[[int], None] | None,
     report: Callable[[str], None],
+    cache: Path | None = None,
 ) -> Iterator[Database]:
     """The given database, or a temporary one of the source shapes of all these packs; closed at the end if opened here.
 
+    With a `cache` folder the database that is built stays there, under a name made of packs, weights and seed; it is
+    taken from there the next time, and one that was not finished is gone on with.
+
     Raises:
+        OutputError: the cache folder cannot be made.
         DatabaseError: the given database is missing or was made by other weights.
         PackError: a pack is missing or damaged.
     """
@@ -41,14 +48,43 @@ def searched(
             store.check_model(model)
             yield store
     else:
-        with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
-            path = Path(folder) / "source.kpred"
+        with _place(files, model, seed, cache) as path:
             shapes = (shape for file in files for shape in open_shapes(file, split=SOURCE_SPLIT, report=report))
             built = build_database(path, shapes, model, seed=seed, progress=progress)
             for model_id, reason in built.failed:
                 report(f"left out of the database: {model_id}: {reason}")
             with Database.open(path, read_only=True) as store:
                 yield store
+
+
+@contextmanager
+def _place(files: Sequence[Path], model: Model, seed: int, cache: Path | None) -> Iterator[Path]:
+    """Where the database is built: in a folder that goes at the end, or in the cache."""
+    if cache is None:
+        with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
+            yield Path(folder) / "source.kpred"
+        return
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"Cannot make the folder {cache}: {error.strerror}; choose another.") from error
+    made_of = [content_hash(file) for file in files]
+    made_of += [f"{category} {network.fingerprint()}" for category, network in sorted(model.items())]
+    name = hashlib.sha256("\n".join([*made_of, str(seed)]).encode()).hexdigest()[:16]
+    yield cache / f"{'-'.join(file.stem for file in files)}-{name}.kpred"
+
+
+def content_hash(file: Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal.
+
+    Raises:
+        PackError: it cannot be read.
+    """
+    try:
+        with open(file, "rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise PackError(f"{file}: it cannot be read ({error.strerror or error}); check the path.") from error
 
 
 def counter(progress: Progress | None, name: str, total: int) -> Callable[[int], None] | None:
