@@ -14,6 +14,7 @@ from kpred.cli.main import FAILED, OK, USAGE, main
 from kpred.errors import ScanError
 from kpred.fitting import fit_scan
 from kpred.fitting.clean_config import CleanConfig
+from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.result import Fit
 
 Run = Callable[..., Any]
@@ -58,6 +59,13 @@ def given(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
         (["--up", "y", "--floor", -2.5], "floor", -2.5),
         (["--no-clean"], "clean", False),
         (["--cleaning.wall", False, "--cleaning.points", 300], "clean", CleanConfig(wall=False, points=300)),
+        ([], "refinement", RefineConfig()),
+        (
+            ["--refinement.box", "per_axis", "--refinement.reflection", 0, "--refinement.trim", 0.1],
+            "refinement",
+            RefineConfig(box="per_axis", reflection=0.0, trim=0.1),
+        ),
+        (["--no-refine"], "refine", False),
         (["--category", "table"], "category", "table"),
         (["--partial", "yes"], "partial", True),
         (["--partial", "no"], "partial", False),
@@ -150,6 +158,7 @@ def test_confidence_and_doubts_are_shown(
         (["--frame", "known", "--pose", "identity"], "leave out --pose and --floor"),
         (["--frame", "known", "--floor", "0"], "leave out --pose and --floor"),
         (["--no-clean", "--cleaning.wall", "False"], "leave out --no-clean or the settings"),
+        (["--no-refine", "--refinement.trim", "0.1"], "leave out --no-refine or the settings"),
         (["--floor", "nan"], "finite"),
         (["--sensor", "0", "inf", "0"], "finite"),
         (["--sensor", "1", "2"], "--sensor"),
@@ -201,3 +210,17 @@ def test_pose_estimators_that_are_not_there_are_named(line: list[object], refusa
 
 def test_impossible_settings_of_cleaning_are_named(line: list[object], refusal: Callable[..., str]) -> None:
     assert "wall_beyond must be positive" in refusal(*line, "--cleaning.wall-beyond", 0)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "said"),
+    [
+        ("free-space", -1, "free_space must not be negative"),
+        ("iterations", 0, "iterations must be at least 1"),
+        ("trim", 1, "trim must be a share"),
+    ],
+)
+def test_impossible_settings_of_refinement_are_named(
+    setting: str, value: float, said: str, line: list[object], refusal: Callable[..., str]
+) -> None:
+    assert said in refusal(*line, f"--refinement.{setting}", value)

@@ -13,6 +13,7 @@ from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.fitting.clean_config import CleanConfig
+from kpred.fitting.refine_config import RefineConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,7 @@ class FitCommand(Command):
       kpred fit corner.pcd -o chair.stl --up z --partial yes --floor 0
       kpred fit scan.ply -o desk.obj --sensor 0.4 1.6 2.0 --cleaning.wall False
       kpred fit scan.ply -o chair.obj --pose given:pose.txt --no-clean
+      kpred fit scan.ply -o chair.obj --refinement.box per_axis --refinement.reflection 0
     """
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
@@ -56,13 +58,15 @@ class FitCommand(Command):
     partial: Literal["auto", "yes", "no"] = "auto"
     """Whether parts of the object are missing in the scan; auto finds out"""
     refine: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Leave out the refinement of keypoints (the paper's protocol)"""
+    """Leave out the refinement (the paper's protocol)"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
     """Take the scan as it is: leave out all steps of cleaning"""
     cleaning: Annotated[CleanConfig, FlagConversionOff] = field(default_factory=CleanConfig)
     """Steps of cleaning, one by one; with --frame known the scan is cleaned only if a setting is changed"""
+    refinement: Annotated[RefineConfig, FlagConversionOff] = field(default_factory=RefineConfig)
+    """Settings of the refinement, one by one"""
 
     def run(self, output: Output) -> None:
         """Fit, write the files, print what was chosen."""
@@ -93,6 +97,7 @@ class FitCommand(Command):
             sensor=None if self.sensor is None else np.array(self.sensor),
             floor=self.floor,
             clean=self.clean if self.cleaning == CleanConfig() else self.cleaning,
+            refinement=self.refinement,
         )
         files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture)
         describe(output, result, files)
@@ -103,6 +108,8 @@ class FitCommand(Command):
             raise UsageError("--frame known says how and where the scan stands; leave out --pose and --floor.")
         if not self.clean and self.cleaning != CleanConfig():
             raise UsageError("--no-clean leaves out all steps of cleaning; leave out --no-clean or the settings.")
+        if not self.refine and self.refinement != RefineConfig():
+            raise UsageError("--no-refine leaves out the refinement; leave out --no-refine or the settings.")
         for value in (*(self.sensor or ()), *(() if self.floor is None else (self.floor,))):
             if not math.isfinite(value):
                 raise UsageError("--sensor and --floor must be finite numbers.")

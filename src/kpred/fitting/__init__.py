@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kpred.fitting.fit_scan import fit
-    from kpred.fitting.refine import RefineConfig, refine_keypoints
+    from kpred.fitting.refine import refine_keypoints
+    from kpred.fitting.refine_config import RefineConfig
     from kpred.fitting.resources import bundled_database_path, sample_scan
     from kpred.fitting.result import Candidate, Fit, Metric
 
@@ -24,7 +25,7 @@ _HOME = {
     "Candidate": "kpred.fitting.result",
     "Fit": "kpred.fitting.result",
     "Metric": "kpred.fitting.result",
-    "RefineConfig": "kpred.fitting.refine",
+    "RefineConfig": "kpred.fitting.refine_config",
     "bundled_database_path": "kpred.fitting.resources",
     "fit": "kpred.fitting.fit_scan",
     "refine_keypoints": "kpred.fitting.refine",

@@ -9,9 +9,13 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
+from kpred.fitting.free_space import depth_pictures, free_space_errors
 from kpred.fitting.observation import Observation
-from kpred.fitting.refine import RefineConfig, refine_keypoints
+from kpred.fitting.refine import Hints, Refined, refine_candidates
+from kpred.fitting.refine_config import RefineConfig
+from kpred.fitting.reflection import reflect
 from kpred.ops import squared_distances
+from kpred.ops.typing import Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +27,9 @@ class Candidates:
         points: (C, N, 3); basis: (C, N, K); displacement: (C, K, 3) of their keypoints.
         target: (M, 3) the scan in this hypothesis' unit box; confidence: (K,).
         partial: whether only scan-to-model distances count.
+        keypoints: (K, 3) that the network expects of the whole object, where a network said so.
+        sensors: (S, 3) where the scanner stood, where it is known.
+        scale, shift: (C, 3) of the candidates' boxes; the box stays as it is (1 and 0) where none are given.
     """
 
     model_ids: tuple[str, ...]
@@ -34,10 +41,17 @@ class Candidates:
     target: Tensor
     confidence: Tensor
     partial: bool
+    keypoints: Tensor | None = None
+    sensors: Tensor | None = None
+    scale: Tensor | None = None
+    shift: Tensor | None = None
 
     def deformed(self) -> Tensor:
-        """S + B d, (C, N, 3)."""
-        return self.points + self.basis @ self.displacement
+        """S + B d, in its own box: scale * (S + B d) + shift, (C, N, 3)."""
+        moved = self.points + self.basis @ self.displacement
+        if self.scale is not None:
+            moved = self.scale[:, None] * moved
+        return moved if self.shift is None else moved + self.shift[:, None]
 
     def errors(self, most: int | None = None) -> Tensor:
         """(C,) CD or, for partial scans, UCD; unit box squared. `most` bounds the points used of each cloud."""
@@ -55,38 +69,62 @@ class Candidates:
         All take a few quick steps on half of the points; those that are then far behind the best stop there.
         """
         kept = self if rows is None else self.take(rows)
+        hints = kept._hints(config)
         if len(kept.model_ids) <= config.finalists:
-            return kept.with_displacement(kept._refine(config))
-        started = kept.with_displacement(kept._refine(replace(config, iterations=3, points=config.points // 2)))
+            return kept._moved(kept._refine(config, hints))
+        quick = kept._refine(replace(config, iterations=3, points=config.points // 2), replace(hints, pictures=()))
+        started = kept._moved(quick)
         ahead = started.errors(most=512).argsort()[: config.finalists]
-        displacement = started.displacement.clone()
-        displacement[ahead] = started.take(ahead)._refine(config, kept.displacement[ahead])
-        return kept.with_displacement(displacement)
+        final = started.take(ahead)._refine(config, hints, kept.displacement[ahead])
+        displacement, scale, shift = quick.displacement.clone(), quick.scale.clone(), quick.shift.clone()
+        displacement[ahead], scale[ahead], shift[ahead] = final.displacement, final.scale, final.shift
+        return kept._moved(Refined(displacement, scale, shift))
 
-    def _refine(self, config: RefineConfig, prior: Tensor | None = None) -> Tensor:
-        return refine_keypoints(
-            self.points, self.basis, self.displacement, self.target, self.confidence, config, self.partial, prior
+    def free_space_errors(self) -> Tensor:
+        """(C,) what speaks against each for filling space that the sensors looked through; unit box squared."""
+        if self.sensors is None:
+            return torch.zeros(len(self.model_ids))
+        return free_space_errors(self.deformed(), self.target, self.sensors)
+
+    def placed(self, row: int, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
+        """Points of the deformed model of one row, put into the candidate's own box; all in the unit box."""
+        scaled = points if self.scale is None else points * self.scale[row].numpy()
+        return scaled if self.shift is None else scaled + self.shift[row].numpy()
+
+    def _hints(self, config: RefineConfig) -> Hints:
+        """What is known of the unseen part of a partial scan; nothing of a full one."""
+        if not self.partial:
+            return Hints()
+        sensors = self.sensors if config.free_space > 0 or config.reflection > 0 else None
+        pictures = () if sensors is None else tuple(depth_pictures(self.target, sensors))
+        if config.reflection <= 0 or self.keypoints is None:
+            return Hints(pictures)
+        return Hints(pictures, reflect(self.target, self.keypoints, pictures))
+
+    def _refine(self, config: RefineConfig, hints: Hints, prior: Tensor | None = None) -> Refined:
+        start = Refined.in_fixed_box(self.displacement)
+        if self.scale is not None and self.shift is not None:
+            start = replace(start, scale=self.scale, shift=self.shift)
+        return refine_candidates(
+            self.points, self.basis, start, self.target, self.confidence, config, self.partial, prior, hints
         )
+
+    def _moved(self, refined: Refined) -> Candidates:
+        return replace(self, displacement=refined.displacement, scale=refined.scale, shift=refined.shift)
 
     def take(self, rows: Tensor) -> Candidates:
         """The candidates of these rows, in their order."""
         chosen = rows.tolist()
-        return Candidates(
-            tuple(self.model_ids[row] for row in chosen),
-            self.category,
-            self.distances[chosen],
-            self.points[rows],
-            self.basis[rows],
-            self.displacement[rows],
-            self.target,
-            self.confidence,
-            self.partial,
+        return replace(
+            self,
+            model_ids=tuple(self.model_ids[row] for row in chosen),
+            distances=self.distances[chosen],
+            points=self.points[rows],
+            basis=self.basis[rows],
+            displacement=self.displacement[rows],
+            scale=None if self.scale is None else self.scale[rows],
+            shift=None if self.shift is None else self.shift[rows],
         )
-
-    def with_displacement(self, displacement: Tensor) -> Candidates:
-        """The same candidates, moved otherwise."""
-        values = {**self.__dict__, "displacement": displacement}
-        return Candidates(**values)
 
 
 def retrieve(
@@ -114,4 +152,5 @@ def retrieve(
         target=observation.points[hypothesis],
         confidence=observation.confidence[hypothesis],
         partial=partial,
+        keypoints=observation.keypoints[hypothesis],
     )

@@ -18,12 +18,11 @@ from kpred.errors import ConfigError
 from kpred.fitting.choice import order as least_risk_order
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
-from kpred.fitting.free_space import free_space_errors
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, looks_partial
 from kpred.fitting.placement import check_known_frame, judged, placements, up_axis
 from kpred.fitting.pose import PoseEstimator
 from kpred.fitting.recognise import Reading
-from kpred.fitting.refine import RefineConfig
+from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.resources import as_database, as_model, shared_categories
 from kpred.fitting.result import Candidate, Fit, Metric
 from kpred.fitting.standing import feet_missing, stood_on
@@ -143,6 +142,9 @@ def fit(
             with clock("retrieve"):
                 tried = hypotheses(points, readings, search, partial)
     chosen = tried[0]
+    if stood is not None:
+        sensors = torch.from_numpy(chosen.frame.to_unit(stood)).float()
+        chosen = replace(chosen, candidates=replace(chosen.candidates, sensors=sensors))
     with clock("deform"):
         feed_forward = chosen.candidates.errors()
     refined_errors = None
@@ -153,16 +155,14 @@ def fit(
             chosen = replace(chosen, candidates=refined)
     with clock("choose"):
         errors = feed_forward if refined_errors is None else refined_errors
-        if stood is not None:
-            sensors = torch.from_numpy(chosen.frame.to_unit(stood)).float()
-            errors = errors + free_space_errors(chosen.candidates.deformed(), chosen.candidates.target, sensors)
-        order = _order(chosen, errors)
+        order = _order(chosen, errors + chosen.candidates.free_space_errors())
     with clock("mesh"):
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
-        meshes = _meshes(chosen, candidates[0], store)
+        meshes = _meshes(chosen, candidates[0], order[0], store)
         metrics = _metrics(chosen, candidates[0], order[0], known)
         rest = store.candidates(chosen.category, [candidates[0].model_id]).keypoints[0]
-        keypoints = chosen.frame.from_unit((rest + candidates[0].displacement).astype(np.float64))
+        moved = chosen.candidates.placed(order[0], rest + candidates[0].displacement)
+        keypoints = chosen.frame.from_unit(moved.astype(np.float64))
         if partial and floor is not None and not known:
             up_direction = chosen.frame.rotation[1]
             lowest = float((meshes[0].vertices @ up_direction).min())
@@ -267,14 +267,16 @@ def _category_errors(tried: Sequence[Hypothesis]) -> dict[str, float]:
     return errors
 
 
-def _meshes(chosen: Hypothesis, best: Candidate, database: Database) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+def _meshes(
+    chosen: Hypothesis, best: Candidate, row: int, database: Database
+) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
     """The deformed mesh and the retrieved one, both in the scan's frame and units."""
     entry = database.entry(best.model_id)
     vertices = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
     moved = vertices + entry.vertex_basis.astype(np.float64) @ best.displacement.astype(np.float64)
     place = chosen.frame.from_unit
     return (
-        trimesh.Trimesh(place(moved), entry.mesh.faces, process=False),
+        trimesh.Trimesh(place(chosen.candidates.placed(row, moved)), entry.mesh.faces, process=False),
         trimesh.Trimesh(place(vertices), entry.mesh.faces, process=False),
     )
 

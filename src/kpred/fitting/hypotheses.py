@@ -20,7 +20,7 @@ from kpred.ops import nearest_neighbours, squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float
 
-SCREEN = RefineConfig(iterations=3, points=256, prior=0.05)
+SCREEN = RefineConfig(iterations=3, points=256, prior=0.05, unseen=0.5)
 """Quick refinement by which hypotheses are compared."""
 
 SCREEN_POINTS = 512
