@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -23,3 +24,11 @@ class Command:
     @abstractmethod
     def run(self, output: Output) -> None:
         """Do the work and print its result. Raises KpredError for what the user can mend."""
+
+
+class Group(dict[str, "type[Command] | Group"]):
+    """Commands by their words, a group within another; `summary` is one line about it."""
+
+    def __init__(self, commands: Mapping[str, type[Command] | Group], summary: str = "") -> None:
+        super().__init__(commands)
+        self.summary = summary

@@ -8,9 +8,11 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, Group
+from kpred.cli.evaluate_compare import CompareCommand
 from kpred.cli.evaluate_real import RealCommand
 from kpred.cli.evaluate_scans import ScansCommand
+from kpred.cli.evaluate_table import TABLES
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
@@ -130,7 +132,15 @@ _SHORT = {
 }
 
 
-COMMAND: dict[str, type[Command]] = {"shapes": ShapesCommand, "scans": ScansCommand, "real": RealCommand}
+COMMAND = Group(
+    {
+        "shapes": ShapesCommand,
+        "scans": ScansCommand,
+        "real": RealCommand,
+        "table": TABLES,
+        "compare": CompareCommand,
+    }
+)
 
 IMPLIED = "shapes"
 """Meant by `kpred evaluate PACK`."""

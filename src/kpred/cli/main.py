@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 an error that the sentence on standard error explains, 2 w
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import traceback
 import warnings
@@ -18,7 +19,7 @@ from kpred.cli.usage import UsageError
 from kpred.errors import KpredError
 
 if TYPE_CHECKING:
-    from kpred.cli.command import Command
+    from kpred.cli.command import Command, Group
 
 COMMANDS = {
     "fit": "Fit a CAD model to a scan: mesh, record and picture.",
@@ -94,22 +95,23 @@ def _run(name: str, words: list[str]) -> int:
     from kpred.cli.output import Output
 
     module = import_module(f"kpred.cli.{_MODULES.get(name, name)}")
-    found: type[Command] | dict[str, type[Command]] = module.COMMAND
-    if isinstance(found, dict):
-        lines = {word: (kind.__doc__ or "").partition("\n")[0] for word, kind in found.items()}
+    line = shlex.join(["kpred", name, *words])
+    found: Group | type[Command] = module.COMMAND
+    summary, implied = COMMANDS[name], getattr(module, "IMPLIED", None)
+    while isinstance(found, dict):
         if not words or words[0] in ("-h", "--help"):
-            text = f"usage: kpred {name} COMMAND [options]\n\n{COMMANDS[name]}\n\n{_list(lines)}\n\n"
+            lines = {word: _summary(kind) for word, kind in found.items()}
+            text = f"usage: kpred {name} COMMAND [options]\n\n{summary}\n\n{_list(lines)}\n\n"
             text += f"`kpred {name} COMMAND --help` shows options and examples."
             print(text, file=sys.stdout if words else sys.stderr)
             return OK if words else USAGE
-        implied: str | None = getattr(module, "IMPLIED", None)
         if implied is not None and words[0] not in found and _no_word(words[0]):
             words = [implied, *words]
         if words[0] not in found:
             return _unknown(words[0], f"kpred {name}", found)
-        name, kind, words = f"{name} {words[0]}", found[words[0]], words[1:]
-    else:
-        kind = found
+        name, found, words, implied = f"{name} {words[0]}", found[words[0]], words[1:], None
+        summary = _summary(found)
+    kind = found
     start: Any = module.default(kind, words) if hasattr(module, "default") else None
     command: Command = tyro.cli(
         kind,
@@ -118,8 +120,15 @@ def _run(name: str, words: list[str]) -> int:
         default=start,
         config=(tyro.conf.FlagCreatePairsOff,),
     )
-    command.run(Output(as_json=command.json))
+    command.run(Output(as_json=command.json, command=line))
     return OK
+
+
+def _summary(found: Group | type[Command]) -> str:
+    """One line that says what a command, or a group of them, does."""
+    if isinstance(found, dict):
+        return getattr(found, "summary", "") or f"One of: {', '.join(found)}."
+    return (found.__doc__ or "").partition("\n")[0]
 
 
 def _no_word(word: str) -> bool:

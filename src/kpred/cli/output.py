@@ -24,8 +24,10 @@ class Output:
     With ``--json`` everything for people goes to standard error instead, so that standard output can be piped.
     """
 
-    def __init__(self, as_json: bool) -> None:
+    def __init__(self, as_json: bool, command: str = "") -> None:
+        """`command`: the command line, for files that say how they were made."""
         self.as_json = as_json
+        self.command = command
         self._people: Console | None = None
 
     @property

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from kpred import __version__
-from kpred.nn import Model
+from kpred.nn import KPRed, Model
 
 
 def made_by(model: Model) -> dict[str, Any]:
-    """Name and fingerprints of the weights, as plain values."""
+    """Name, fingerprints and settings of the weights, as plain values.
+
+    `fingerprints` are of what makes a database, `weights` of all parts, those for partial scans too.
+    """
     return {
         "model": model.name,
         "fingerprints": {category: network.fingerprint() for category, network in model.items()},
+        "weights": {category: weights_hash(network) for category, network in model.items()},
+        "settings": {category: network.config.to_dict() for category, network in model.items()},
         "recognizer": model.recognizer is not None,
     }
+
+
+def weights_hash(network: KPRed) -> str:
+    """Hash of all of a category's weights at half precision, as they are stored."""
+    digest = hashlib.sha256()
+    for key, value in sorted(network.state_dict().items()):
+        digest.update(key.encode())
+        digest.update(value.detach().cpu().half().numpy().tobytes())
+    return digest.hexdigest()[:16]
 
 
 def versions() -> dict[str, str]:

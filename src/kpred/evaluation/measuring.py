@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -68,10 +69,14 @@ class SourcePack:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """All scores of one target, each with the name of the model it is of (none for baselines)."""
+    """All scores of one target, each with the name of the model it is of (none for baselines).
+
+    `database_models`: how many shapes were searched; `searched`: a hash of their ids.
+    """
 
     model_id: str
     database_models: int
+    searched: str
     scores: list[tuple[str, Score]]
 
 
@@ -199,6 +204,7 @@ def measure_pack(
     found: list[Measured] = []
     with open_pack(source, models, databases, plan, progress, report) as pack:
         benches = _benches(pack, models, plan)
+        digest = hashlib.sha256("\n".join(pack.baseline.model_ids).encode()).hexdigest()[:16]
         for target in pack.targets:
             scores: list[tuple[str, Score]] = []
             for protocol, occlusion in plan.steps:
@@ -209,7 +215,7 @@ def measure_pack(
                     how = Fitting(models[name], pack.stores[name], max(plan.top_k), plan.seed)
                     fits = measure_fits(target, pack.category, how, plan.refinement, protocol, occlusion, report)
                     scores += [(name, score) for score in fits]
-            found.append(Measured(target.model_id, len(pack.baseline.points), scores))
+            found.append(Measured(target.model_id, len(pack.baseline.points), digest, scores))
             if progress is not None:
                 progress(f"{pack.name}: {plan.split}", len(found), len(pack.targets))
     return found

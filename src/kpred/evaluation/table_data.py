@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from kpred.errors import OutputError, PackError
-from kpred.evaluation.intervals import Interval, mean_interval, share_interval
+from kpred.evaluation.intervals import Interval, mean_interval, ratio_interval, share_interval
 from kpred.evaluation.rows import UNIT
 from kpred.evaluation.summary import finite
 from kpred.shapes.atomic import check_place, write_together
@@ -105,8 +105,10 @@ class Table:
         return [*found, ALL] if len(found) > 1 else found
 
     def series(self, dataset: str) -> list[Series]:
-        """Series that have a value in this data set."""
-        return [one for one, values in self.values.items() if any(subject.dataset == dataset for subject in values)]
+        """Series that have a value in this data set, a model's together, in the order they came in."""
+        found = [one for one, values in self.values.items() if any(subject.dataset == dataset for subject in values)]
+        models = list(dict.fromkeys(one.model for one in found))
+        return sorted(found, key=lambda one: models.index(one.model))
 
     def cell(self, series: Series, dataset: str, category: str) -> Cell | None:
         """Mean and interval; None where nothing was measured. `all` means every category, and none if one lacks."""
@@ -118,6 +120,15 @@ class Table:
             return None
         found = _interval(series, list(chosen.values()), int(self.header.get("seed", 0)))
         return Cell(series, dataset, category, found.value, found.low, found.high, len(chosen))
+
+    def ratio(self, above: Series, below: Series, dataset: str, category: str) -> Interval | None:
+        """Ratio of the means of two series over the targets that both have, which are drawn together; None for none."""
+        over, under = self.values.get(above, {}), self.values.get(below, {})
+        shared = [s for s in over if s in under and s.dataset == dataset and category in (s.category, ALL)]
+        if not shared:
+            return None
+        seed = int(self.header.get("seed", 0))
+        return ratio_interval([over[s] for s in shared], [under[s] for s in shared], seed)
 
     def cells(self) -> Iterator[Cell]:
         """All cells, data set after data set, series after series."""

@@ -1,0 +1,90 @@
+"""`kpred evaluate compare`: two tables, target by target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.table_options import SHORT, label
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareCommand(Command):
+    """Compare two tables by paired tests: the ratio of the means with its interval, and Wilcoxon's signed-rank test.
+
+    The tables must be of one protocol, data, seed and set of targets, and differ in the model alone. To compare two
+    models of one table, name the file twice. p values are not corrected for the number of rows.
+
+    examples:
+      kpred evaluate compare before.json after.json
+      kpred evaluate compare full.json full.json --a kp-red --b kp-red-plus
+    """
+
+    first: Annotated[Positional[Path], arg(metavar="A.json")]
+    """The table that is compared with: a file that -o of `kpred evaluate table` wrote"""
+    second: Annotated[Positional[Path], arg(metavar="B.json")]
+    """The other table; ratios below 1 say that it is better"""
+    a: Annotated[str | None, arg(metavar="NAME")] = None
+    """Model of the first table, if it has several"""
+    b: Annotated[str | None, arg(metavar="NAME")] = None
+    """Model of the second table, if it has several"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
+    """Write the comparison to this JSON file too"""
+
+    def run(self, output: Output) -> None:
+        """Compare, print and write."""
+        from kpred.evaluation.compare import compare, settings_changed
+        from kpred.evaluation.summary import finite, write_report
+        from kpred.evaluation.table_data import read_table
+        from kpred.shapes.atomic import check_place
+
+        if self.output is not None:
+            check_place(self.output)
+        first, second = read_table(self.first), read_table(self.second)
+        found = compare(first, second, self.a, self.b)
+        report = finite(
+            {
+                "first": {"file": str(self.first), "model": self.a, "header": first.header},
+                "second": {"file": str(self.second), "model": self.b, "header": second.header},
+                "command": output.command,
+                "rows": [one.to_json() for one in found],
+            }
+        )
+        if self.output is not None:
+            write_report(self.output, report)
+        output.result(report)
+        old, new = (header.get("versions", {}) for header in (first.header, second.header))
+        changed = [name for name in old if name in new and old[name] != new[name]]
+        for name in changed:
+            output.note(f"note: {name} {old[name]} made the first table, {new[name]} the second")
+        for line in settings_changed(first, second, self.a, self.b):
+            output.note(f"note: the models differ in {line}")
+        for dataset in dict.fromkeys(one.dataset for one in found):
+            output.table(
+                f"{dataset}: B against A; ratio of means, 95 % paired bootstrap; Wilcoxon signed-rank test",
+                ["category", "method", "distance", "hidden", "top k", "n", "A", "B", "B / A", "B better", "p"],
+                [
+                    (
+                        one.category,
+                        label(one.series),
+                        SHORT.get(one.series.distance, one.series.distance),
+                        f"{one.series.occlusion:.0%}",
+                        "all" if one.series.top_k is None else str(one.series.top_k),
+                        one.n,
+                        one.first,
+                        one.second,
+                        f"{one.ratio:.3f}" + ("" if one.low is None else f" ({one.low:.3f}–{one.high:.3f})"),
+                        f"{one.better:.0%}",
+                        one.p_value,
+                    )
+                    for one in found
+                    if one.dataset == dataset
+                ],
+            )
+        if self.output is not None:
+            output.note(f"wrote {self.output}")

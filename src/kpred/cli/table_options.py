@@ -1,0 +1,148 @@
+"""What the commands of `kpred evaluate table` share: options, how models are named, and how a table is printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+
+if TYPE_CHECKING:
+    from kpred.evaluation.intervals import Interval
+    from kpred.evaluation.table_data import Cell, Series, Table
+
+BUNDLED = "bundled"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableCommand(Command):
+    """What all tables share."""
+
+    packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
+    """Mesh packs (.npz), or folders of them; a data set is named after its folder"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
+    """Write FILE.json (all), FILE.csv (the table) and FILE.targets.csv (target by target)"""
+    model: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FOLDER", help_behavior_hint="repeatable")] = ()
+    """Trained networks and their name in the table; without any, the bundled ones"""
+    database: Annotated[
+        UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FILE", help_behavior_hint="repeatable")
+    ] = ()
+    """Database (.kpred) that a model searches; without it, one built from the split `source` of each pack"""
+    cache: Annotated[Path | None, arg(metavar="FOLDER")] = None
+    """Keep the databases that are built in this folder, for the next table"""
+    split: Annotated[str, arg(metavar="NAME")] = "val"
+    """Whose shapes are the targets"""
+    limit: Annotated[int | None, arg(metavar="N")] = None
+    """At most so many targets a pack, drawn at random by the seed"""
+    seed: Annotated[int, arg(metavar="SEED")] = 0
+    """Of targets, planes, sampling and intervals; the same arguments give the same values"""
+
+    def check(self) -> None:
+        """Refuse what cannot work before any work is done."""
+        from kpred.evaluation.table_data import table_files
+
+        if not self.packs:
+            raise UsageError("no pack was named; try `kpred evaluate table full FILE.npz`")
+        if self.output is not None:
+            table_files(self.output)
+
+    def named_models(self) -> dict[str, str | None]:
+        """Models by their name in the table."""
+        return dict(_named(self.model, "model")) or {BUNDLED: None}
+
+    def named_databases(self) -> dict[str, str]:
+        """Databases by the name of the model that searches them."""
+        models = self.named_models()
+        found = dict(_named(self.database, "database")) if self.database else {}
+        for name in found:
+            if name not in models:
+                raise UsageError(f"--database names the model {name}, but the models are {', '.join(models)}")
+        return found
+
+    def finish(self, output: Output, table: Table, seconds: float, show: Callable[[Output, Table], None]) -> None:
+        """Write, print, and list what was left out."""
+        from kpred.evaluation.table_data import write_table
+
+        table.header["command"], table.header["seconds"] = output.command, round(seconds, 1)
+        written = write_table(table, self.output) if self.output is not None else ()
+        output.result(table.to_json())
+        show(output, table)
+        remarks = [str(sentence) for sentence in table.header.get("remarks", [])]
+        if remarks:
+            output.note(f"note: {len(remarks)} remarks, all of them in the file that -o writes:")
+        for sentence in remarks[:10]:
+            output.note(f"  {sentence}")
+        if len(remarks) > 10:
+            output.note(f"  and {len(remarks) - 10} more")
+        for file in written:
+            output.note(f"wrote {file}")
+
+
+def _named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
+    pairs = []
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals and option == "model":
+            name, value = Path(word).name if word != BUNDLED else BUNDLED, word
+        if not name or not value:
+            raise UsageError(f"--{option} must be NAME=PATH, but is {word!r}")
+        pairs.append((name, value))
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise UsageError(f"--{option} names {name} twice; give each a name of its own, as in --{option} NAME=PATH")
+    return pairs
+
+
+SHORT = {
+    "chamfer_distance": "CD",
+    "unilateral_chamfer_distance": "UCD",
+    "unilateral_chamfer_distance_of_whole_surface": "UCD, whole",
+}
+"""Names of distances in printed tables."""
+
+NOTE = "note: means over the targets and 95 % bootstrap intervals; the paper's numbers are most likely 10^2 times these"
+
+
+def shown(found: Cell | Interval | None) -> str:
+    """A value with its interval, as printed."""
+    if found is None:
+        return ""
+    digits = 2 if found.value >= 0.05 else 5
+    if found.low is None or found.high is None:
+        return f"{found.value:.{digits}f}"
+    return f"{found.value:.{digits}f} ({found.low:.{digits}f}–{found.high:.{digits}f})"
+
+
+def label(series: Series) -> str:
+    """What a series is called in a printed table."""
+    return series.method.removesuffix("_whole").replace("_", " ")
+
+
+def print_pivot(
+    output: Output,
+    table: Table,
+    dataset: str,
+    title: str,
+    heads: Sequence[str],
+    series: Sequence[Series],
+    row: Callable[[Series], tuple[str, ...]],
+    column: Callable[[Series], str],
+    category: str,
+) -> None:
+    """Print the cells of one category: `row` and `column` say where each series stands, `heads` name the rows."""
+    columns = list(dict.fromkeys(column(one) for one in series))
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for one in series:
+        rows.setdefault(row(one), {})[column(one)] = shown(table.cell(one, dataset, category))
+    output.table(
+        title,
+        [*heads, *columns],
+        [[*name, *(cells.get(column_name, "") for column_name in columns)] for name, cells in rows.items()],
+    )
