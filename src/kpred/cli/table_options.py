@@ -114,7 +114,8 @@ def shown(found: Cell | Interval | None) -> str:
     """A value with its interval, as printed."""
     if found is None:
         return ""
-    digits = 2 if found.value >= 0.05 else 5
+    series = getattr(found, "series", None)
+    digits = 5 if series is not None and series.unit not in ("share", "1") else 2
     if found.low is None or found.high is None:
         return f"{found.value:.{digits}f}"
     return f"{found.value:.{digits}f} ({found.low:.{digits}f}–{found.high:.{digits}f})"

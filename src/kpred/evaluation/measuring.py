@@ -131,6 +131,11 @@ class OpenPack:
     stores: dict[str, Database]
     baseline: NoLearning
 
+    @property
+    def searched(self) -> str:
+        """A hash of the ids of the shapes that are searched."""
+        return hashlib.sha256("\n".join(self.baseline.model_ids).encode()).hexdigest()[:16]
+
 
 @contextmanager
 def open_pack(
@@ -204,7 +209,6 @@ def measure_pack(
     found: list[Measured] = []
     with open_pack(source, models, databases, plan, progress, report) as pack:
         benches = _benches(pack, models, plan)
-        digest = hashlib.sha256("\n".join(pack.baseline.model_ids).encode()).hexdigest()[:16]
         for target in pack.targets:
             scores: list[tuple[str, Score]] = []
             for protocol, occlusion in plan.steps:
@@ -215,7 +219,7 @@ def measure_pack(
                     how = Fitting(models[name], pack.stores[name], max(plan.top_k), plan.seed)
                     fits = measure_fits(target, pack.category, how, plan.refinement, protocol, occlusion, report)
                     scores += [(name, score) for score in fits]
-            found.append(Measured(target.model_id, len(pack.baseline.points), digest, scores))
+            found.append(Measured(target.model_id, len(pack.baseline.points), pack.searched, scores))
             if progress is not None:
                 progress(f"{pack.name}: {plan.split}", len(found), len(pack.targets))
     return found

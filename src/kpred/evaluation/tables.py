@@ -1,4 +1,4 @@
-"""The paper's tables on mesh packs: whole shapes, partial shapes, and how the number of candidates counts.
+"""The paper's tables on mesh packs: whole and partial shapes, how the number of candidates counts, how retrieval ranks.
 
 Each is a plan of measurements (`kpred.evaluation.measuring`) whose values, target by target, become a `Table`. Several
 models stand in one table, measured on the same targets against databases of the same shapes.
@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from kpred.errors import ConfigError
 from kpred.evaluation.header import made_by, versions
@@ -26,6 +26,7 @@ from kpred.evaluation.measuring import (
     steps_of,
 )
 from kpred.evaluation.protocols import FULL, PARTIAL
+from kpred.evaluation.ranking import add_rankings
 from kpred.evaluation.rows import FRAME, UNIT
 from kpred.evaluation.searched import SOURCE_SPLIT, Progress, content_hash
 from kpred.evaluation.table_data import Series, Subject, Table
@@ -35,8 +36,6 @@ from kpred.nn import Model, load_model
 OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
 TOP_K = (1, 5, 10, 25)
 
-PackTable = Literal["full", "partial", "topk"]
-
 
 @dataclass(frozen=True)
 class TableConfig:
@@ -44,7 +43,8 @@ class TableConfig:
 
     Attributes:
         kind: `full`: whole shapes, CD. `partial`: shapes cut by a plane, UCD at each of `occlusions`. `topk`: whole
-            shapes, the best of each of `top_k`.
+            shapes, the best of each of `top_k`. `oracle`: how well retrieval ranks (`kpred.evaluation.ranking`), of
+            whole shapes, or of shapes cut by a plane where there are `occlusions`.
         split, limit, seed: which targets; `limit` of each pack, drawn by seed, None for all.
         top_k: how many retrieved models are deformed and compared.
         occlusions: shares hidden, for `partial`.
@@ -70,6 +70,8 @@ class TableConfig:
         Raises:
             ConfigError: an occlusion is no share that can be hidden.
         """
+        if self.kind == "oracle":
+            return (*steps_of(FULL, ()), *(steps_of(PARTIAL, self.occlusions) if self.occlusions else ()))
         return steps_of(PARTIAL if self.kind == "partial" else FULL, self.occlusions)
 
     def plan(self, cache: Path | None, baselines: bool = True) -> Plan:
@@ -133,8 +135,9 @@ def make_table(
         report(sentence)
 
     table = Table(header_of(loaded, sources, config, stores) | {"remarks": remarks})
+    add = add_rankings if config.kind == "oracle" else add_measured
     for source, facts in zip(sources, table.header["data"], strict=True):
-        facts["searched"] = add_measured(table, source, loaded, stores, plan, progress, tell)
+        facts["searched"] = add(table, source, loaded, stores, plan, progress, tell)
     return table
 
 
@@ -205,7 +208,7 @@ def protocol_of(config: TableConfig) -> dict[str, Any]:
     """All settings that a value depends on, beside model and data."""
     values = asdict(config)
     values["top_k"], values["occlusions"] = list(config.top_k), list(config.occlusions)
-    if config.kind != "partial":
+    if config.kind in ("full", "topk"):
         values.pop("occlusions")
     return values
 
