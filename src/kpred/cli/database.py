@@ -34,7 +34,7 @@ class _Encoding(Command):
     def encode(self, output: Output, source: Path, file: Path, resume: bool) -> None:
         """Encode the shapes of `source` into `file`, with a progress bar, and print what was done."""
         from kpred.cli.progress import ProgressBar
-        from kpred.database import build_database
+        from kpred.database import Database, build_database
         from kpred.errors import DatabaseError
         from kpred.nn import load_model
         from kpred.shapes import open_shapes
@@ -54,6 +54,9 @@ class _Encoding(Command):
                     resume=resume,
                     progress=lambda done: bar.update("encoding models", done),
                 )
+                if report.added:
+                    with Database.open(file) as database:
+                        database.prepare_search(lambda done, total: bar.update("preparing search", done, total))
         except BaseException as error:
             if is_new:
                 _drop_if_empty(file)

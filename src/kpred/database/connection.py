@@ -9,12 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import Connection, Engine, StaticPool, create_engine, event
+from sqlalchemy import Connection, Engine, StaticPool, create_engine, event, insert, update
 from sqlalchemy.exc import DBAPIError
 
 from kpred.database.entry import DamagedArray
+from kpred.database.rows import new_epoch
 from kpred.database.schema import APPLICATION_ID, SCHEMA_VERSION, Base, InfoRow
 from kpred.errors import DatabaseError
+
+_OLDEST = 1
+"""The oldest format that is read; `migrate` brings it up to date."""
 
 _MAGIC = b"SQLite format 3\0"
 
@@ -33,7 +37,7 @@ def create_file(path: Path, created_by: str) -> None:
                     connection.exec_driver_sql(f"PRAGMA application_id = {APPLICATION_ID}")
                     connection.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
                     Base.metadata.create_all(connection)
-                    facts = {"schema_version": str(SCHEMA_VERSION), "created_by": created_by}
+                    facts = {"schema_version": str(SCHEMA_VERSION), "created_by": created_by, "epoch": new_epoch()}
                     rows = [{"key": key, "value": value} for key, value in facts.items()]
                     connection.execute(InfoRow.__table__.insert(), rows)  # type: ignore[attr-defined]
             finally:
@@ -78,6 +82,16 @@ def open_file(path: Path, read_only: bool, timeout: float) -> Engine:
                 engine.dispose()
                 raise
     raise AssertionError("unreachable")
+
+
+def migrate(connection: Connection) -> None:
+    """Bring a file of an older format up to date, in the caller's transaction; a new one stays as it is."""
+    version = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
+    if version == SCHEMA_VERSION:
+        return
+    connection.execute(insert(InfoRow).values(key="epoch", value=new_epoch()))
+    connection.execute(update(InfoRow).where(InfoRow.key == "schema_version").values(value=str(SCHEMA_VERSION)))
+    connection.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
 
 
 @contextmanager
@@ -140,9 +154,9 @@ def _check_kind(connection: Connection, path: Path) -> None:
         raise DatabaseError(
             f"Database {path} has format {version}, newer than format {SCHEMA_VERSION} of this kpred; upgrade kpred."
         )
-    if version < SCHEMA_VERSION:
+    if version < _OLDEST:
         raise DatabaseError(
-            f"Database {path} has format {version}, older than format {SCHEMA_VERSION} of this kpred; build it again."
+            f"Database {path} has format {version}, older than format {_OLDEST}, the oldest read here; build it again."
         )
     if pragma("page_count") * pragma("page_size") > path.stat().st_size:
         raise DatabaseError(f"Database {path}: {_DAMAGED}")

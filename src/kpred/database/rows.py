@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from sqlalchemy import Connection, CursorResult, insert, select
+from sqlalchemy import Connection, CursorResult, Select, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from kpred.database.entry import DamagedArray, Entry, pack_arrays, pack_frame, unpack_array, unpack_frame
-from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, ModelRow
+from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
 from kpred.errors import DatabaseError
 from kpred.shapes.mesh import Mesh
 
@@ -84,27 +85,84 @@ def read_entry(connection: Connection, model_id: str) -> Entry | None:
         frame=unpack_frame(row.frame),
         metadata=dict(row.meta),
         points=arrays["points"],
-        keypoints=_floats([row.keypoints], "<f4", row.keypoint_count, 3)[0],
-        tokens=_floats([row.tokens], "<f2", row.keypoint_count, row.token_size)[0],
+        keypoints=_floats([row.keypoints], "<f4", row.keypoint_count, 3)[0].astype(np.float32),
+        tokens=_floats([row.tokens], "<f2", row.keypoint_count, row.token_size)[0].astype(np.float32),
         point_basis=arrays["point_basis"],
         vertex_basis=arrays["vertex_basis"],
         fingerprint=row.fingerprint,
     )
 
 
-def read_tokens(connection: Connection, category: str) -> tuple[tuple[str, ...], np.ndarray] | None:
-    """Ids in ascending order and tokens (M, K, C) float32 of one category, or None when there is no such category."""
+@dataclass(frozen=True)
+class CategoryTokens:
+    """How many tokens of one category there are, and of which shape.
+
+    Attributes:
+        category: name; number: its row; fingerprint: of the weights that made the tokens.
+        models: number of its models; last_row: greatest row number among them.
+    """
+
+    category: str
+    number: int
+    fingerprint: str
+    keypoints: int
+    token_size: int
+    models: int
+    last_row: int
+
+
+def count_tokens(connection: Connection, category: str) -> CategoryTokens | None:
+    """What is there of one category, or None when there is no such category."""
     row = connection.execute(select(CategoryRow).where(CategoryRow.name == category)).one_or_none()
     if row is None:
         return None
-    found = connection.execute(
+    counts = select(func.count(), func.max(ModelRow.id)).where(ModelRow.category_id == row.id)
+    models, last = connection.execute(counts).one()
+    return CategoryTokens(row.name, row.id, row.fingerprint, row.keypoint_count, row.token_size, models, last or 0)
+
+
+def read_tokens(connection: Connection, counted: CategoryTokens, after: int = 0) -> tuple[tuple[str, ...], np.ndarray]:
+    """Ids in ascending order and tokens (M, K, C) float32 of one category's models in rows after `after`."""
+    found = connection.execute(_tokens(counted, after)).all()
+    # Sorted here: two databases need not agree on the order of letters.
+    found = sorted(found, key=lambda item: str(item.model_id))
+    tokens = _floats([item.tokens for item in found], "<f2", counted.keypoints, counted.token_size)
+    return tuple(item.model_id for item in found), tokens.astype(np.float32)
+
+
+def stream_tokens(
+    connection: Connection, counted: CategoryTokens, part: int = 4096
+) -> Iterator[tuple[list[str], np.ndarray]]:
+    """Ids and tokens (n, K, C) float16 of one category, `part` models at a time, in the order they were added."""
+    found = connection.execution_options(stream_results=True, max_row_buffer=part).execute(_tokens(counted))
+    for rows in found.partitions(part):
+        tokens = _floats([row.tokens for row in rows], "<f2", counted.keypoints, counted.token_size)
+        yield [str(row.model_id) for row in rows], tokens
+
+
+def _tokens(counted: CategoryTokens, after: int = 0) -> Select[str, bytes]:
+    return (
         select(ModelRow.model_id, DescriptorRow.tokens)
         .join(DescriptorRow, DescriptorRow.model == ModelRow.id)
-        .where(ModelRow.category_id == row.id)
-        .order_by(ModelRow.model_id)
-    ).all()
-    tokens = _floats([item.tokens for item in found], "<f2", row.keypoint_count, row.token_size)
-    return tuple(item.model_id for item in found), tokens
+        .where(ModelRow.category_id == counted.number, ModelRow.id > after)
+        .order_by(ModelRow.id)
+    )
+
+
+def read_epoch(connection: Connection) -> str | None:
+    """The value that changes with every removal; None in files of a format that had none."""
+    found = connection.scalar(select(InfoRow.value).where(InfoRow.key == "epoch"))
+    return None if found is None else str(found)
+
+
+def renew_epoch(connection: Connection) -> None:
+    """Tell those who keep a copy of the tokens that models have gone."""
+    connection.execute(update(InfoRow).where(InfoRow.key == "epoch").values(value=new_epoch()))
+
+
+def new_epoch() -> str:
+    """A value that was never there before."""
+    return secrets.token_hex(16)
 
 
 def read_fitting_arrays(connection: Connection, model_ids: Sequence[str]) -> dict[str, FittingArrays]:
@@ -120,7 +178,7 @@ def read_fitting_arrays(connection: Connection, model_ids: Sequence[str]) -> dic
         ).all()
         arrays = _read_arrays(connection, [row.id for row in rows], ("points", "point_basis"))
         for row in rows:
-            keypoints = _floats([row.keypoints], "<f4", row.keypoint_count, 3)[0]
+            keypoints = _floats([row.keypoints], "<f4", row.keypoint_count, 3)[0].astype(np.float32)
             found[row.model_id] = FittingArrays(row.name, keypoints, **arrays[row.id])
     return found
 
@@ -180,6 +238,6 @@ def _read_arrays(
 
 def _floats(blobs: Sequence[bytes], dtype: str, *shape: int) -> np.ndarray:
     try:
-        return np.frombuffer(b"".join(blobs), dtype=dtype).reshape(len(blobs), *shape).astype(np.float32)
+        return np.frombuffer(b"".join(blobs), dtype=dtype).reshape(len(blobs), *shape)
     except ValueError as error:
         raise DamagedArray(f"{len(blobs)} blobs are no {dtype} arrays of shape {shape}") from error

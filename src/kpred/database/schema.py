@@ -12,8 +12,9 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 APPLICATION_ID = 0x4B505244
 """`PRAGMA application_id` of a kpred database ("KPRD")."""
 
-SCHEMA_VERSION = 1
-"""`PRAGMA user_version`: raised when a table changes."""
+SCHEMA_VERSION = 2
+"""`PRAGMA user_version`: raised when a table changes. Format 1 had no `epoch` in `info`: it is read as it is, and
+brought up to date by the first write."""
 
 
 class Base(DeclarativeBase):
@@ -21,7 +22,7 @@ class Base(DeclarativeBase):
 
 
 class InfoRow(Base):
-    """Facts about the file itself: `schema_version`, `created_by` (version of kpred)."""
+    """Facts about all of it: `schema_version`, `created_by` (version of kpred), `epoch` (new after each removal)."""
 
     __tablename__ = "info"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from threading import RLock
@@ -16,8 +16,9 @@ import numpy as np
 from sqlalchemy import Connection, delete, func, select
 
 from kpred import __version__
-from kpred.database.connection import create_file, explained, open_file
+from kpred.database.connection import create_file
 from kpred.database.entry import Entry
+from kpred.database.home import Home, Progress
 from kpred.database.rows import (
     FittingArrays,
     chunks,
@@ -25,10 +26,11 @@ from kpred.database.rows import (
     insert_entry,
     read_entry,
     read_fitting_arrays,
-    read_tokens,
+    renew_epoch,
 )
 from kpred.database.schema import CategoryRow, InfoRow, ModelRow
-from kpred.database.search import SearchResult, TokenIndex
+from kpred.database.search import Index, SearchResult, as_result
+from kpred.database.sqlite_home import SqliteHome
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
 
@@ -58,15 +60,13 @@ class Database:
     All methods raise DatabaseError when the file cannot be read or written.
     """
 
-    def __init__(self, path: Path, *, read_only: bool, timeout: float) -> None:
+    def __init__(self, home: Home) -> None:
         """Use `open` or `create` instead."""
-        self.path = path
-        self.read_only = read_only
-        self._engine = open_file(path, read_only, timeout)
+        self._home = home
         self._open = True
         self._lock = RLock()
-        self._data_version = -1
-        self._indices: dict[str, TokenIndex] = {}
+        self._version: object = None
+        self._indices: dict[str, Index] = {}
         self._arrays: OrderedDict[str, FittingArrays] = OrderedDict()
 
     @classmethod
@@ -79,7 +79,7 @@ class Database:
         file = Path(path)
         if read_only is None:
             read_only = file.exists() and not os.access(file, os.W_OK)
-        return cls(file, read_only=read_only, timeout=timeout)
+        return cls(SqliteHome(file, read_only, timeout))
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], *, overwrite: bool = False, timeout: float = 5.0) -> Database:
@@ -91,14 +91,24 @@ class Database:
         if file.exists() and not overwrite:
             raise DatabaseError(f"Database {file} exists already; open it, or choose another name.")
         create_file(file, __version__)
-        return cls(file, read_only=False, timeout=timeout)
+        return cls(SqliteHome(file, False, timeout))
+
+    @property
+    def path(self) -> Path | str:
+        """The file, or the server's address without its password."""
+        return self._home.path
+
+    @property
+    def read_only(self) -> bool:
+        """Whether nothing may be written."""
+        return self._home.read_only
 
     def close(self) -> None:
         """Let go of the file and of the memory; closing twice does nothing."""
         with self._lock:
             self._open = False
             self._forget()
-            self._engine.dispose()
+            self._home.close()
 
     def __enter__(self) -> Database:
         return self
@@ -143,6 +153,7 @@ class Database:
                 connection.execute(delete(ModelRow).where(ModelRow.id.in_(chunk)))
             used = select(ModelRow.category_id)
             connection.execute(delete(CategoryRow).where(CategoryRow.id.not_in(used)))
+            renew_epoch(connection)
         return len(wanted)
 
     # Reading
@@ -216,7 +227,15 @@ class Database:
 
         Exact. Nearest first, ties by id. Fewer than `top_k` when the category has fewer models.
         """
-        return self._index(category).search(tokens, weights, top_k)
+        return as_result(self._index(category).ranked(tokens, weights, top_k))
+
+    def prepare_search(self, progress: Progress | None = None) -> None:
+        """Make what the first search of each category would make: for very many models, a token file beside the file.
+
+        `progress`: called with what is done and what there is to do in all, of the category at hand.
+        """
+        for category in self.categories():
+            self._index(category, progress)
 
     def info(self) -> dict[str, Any]:
         """Facts for people and programs: path, bytes, format, maker, and per category models, weights and sizes."""
@@ -228,6 +247,7 @@ class Database:
                 .join(counts, counts.c.category_id == CategoryRow.id)
                 .order_by(CategoryRow.name)
             ).all()
+            size = self._home.bytes(connection)
         categories = {
             row.name: {
                 "models": row.models,
@@ -240,7 +260,7 @@ class Database:
         }
         return {
             "path": str(self.path),
-            "bytes": self.path.stat().st_size,
+            "bytes": size,
             "schema_version": int(facts["schema_version"]),
             "created_by": facts["created_by"],
             "models": sum(row.models for row in rows),
@@ -273,18 +293,14 @@ class Database:
 
     @contextmanager
     def _transaction(self, write: bool = False) -> Iterator[Connection]:
-        with self._lock, explained(self.path):
+        with self._lock if self._home.one_at_a_time else nullcontext():
             if not self._open:
                 raise DatabaseError(f"Database {self.path} is closed; open it again.")
-            if write and self.read_only:
-                raise DatabaseError(
-                    f"Database {self.path} is open for reading only; copy it to a place where you may write."
-                )
-            with self._engine.connect().execution_options(kpred_write=write) as connection, connection.begin():
-                version = int(connection.exec_driver_sql("PRAGMA data_version").scalar_one())
-                if version != self._data_version:
+            with self._home.transaction(write) as connection:
+                version = self._home.version(connection)
+                if version != self._version:
                     self._forget()  # another process has written
-                    self._data_version = version
+                    self._version = version
                 try:
                     yield connection
                 finally:
@@ -292,21 +308,20 @@ class Database:
                         self._forget()
 
     def _forget(self) -> None:
-        self._indices.clear()
-        self._arrays.clear()
+        with self._lock:
+            self._indices.clear()
+            self._arrays.clear()
 
-    def _index(self, category: str) -> TokenIndex:
+    def _index(self, category: str, progress: Progress | None = None) -> Index:
         with self._transaction() as connection:
-            if category not in self._indices:
-                read = read_tokens(connection, category)
-                if read is None:
-                    names = connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)).all()
-                    raise DatabaseError(
-                        f"Database {self.path} has no models of category {category!r}; "
-                        f"it has {', '.join(names) or 'none'}."
-                    )
-                self._indices[category] = TokenIndex(*read)
-            return self._indices[category]
+            index = self._indices.get(category) or self._home.index(connection, category, progress)
+            if index is None:
+                names = connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)).all()
+                raise DatabaseError(
+                    f"Database {self.path} has no models of category {category!r}; it has {', '.join(names) or 'none'}."
+                )
+            self._indices[category] = index
+            return index
 
     def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
         found = read_fitting_arrays(connection, model_ids)
