@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command, Group
 from kpred.cli.evaluate_compare import CompareCommand
+from kpred.cli.evaluate_peers import PeersCommand
 from kpred.cli.evaluate_real import RealCommand
 from kpred.cli.evaluate_scans import ScansCommand
 from kpred.cli.evaluate_table import TABLES
@@ -139,6 +140,7 @@ COMMAND = Group(
         "real": RealCommand,
         "table": TABLES,
         "compare": CompareCommand,
+        "peers": PeersCommand,
     }
 )
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, Group
+from kpred.cli.devices import found_device, limit_threads
 from kpred.cli.output import Output
+from kpred.cli.train_peer import PEER_COMMANDS
 from kpred.cli.usage import UsageError
 from kpred.nn.config import PRESETS, ModelConfig
 from kpred.training.config import PAPER, TrainConfig
@@ -60,7 +61,7 @@ class _TrainCommand(Command):
         if len(categories) > 1:
             raise ConfigError(f"A run trains one category, but was given {', '.join(categories)}; give packs of one.")
         if self.threads is not None:
-            _limit_threads(self.threads)
+            limit_threads(self.threads)
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}
@@ -77,7 +78,7 @@ class _TrainCommand(Command):
                     self.training,
                     folder,
                     stages=self.stages,
-                    device=_device(self.device),
+                    device=found_device(self.device),
                     source_split=self.source_split,
                     progress=bar.update,
                     report=report,
@@ -184,7 +185,7 @@ class RecognitionCommand(Command):
         if not self.packs:
             raise UsageError("no pack was named; try `kpred train recognition CHAIR.npz TABLE.npz -o FOLDER`")
         if self.threads is not None:
-            _limit_threads(self.threads)
+            limit_threads(self.threads)
         last: dict[str, float] = {}
         began = time.perf_counter()
         with ProgressBar() as bar:
@@ -198,7 +199,7 @@ class RecognitionCommand(Command):
                 packs,
                 self.training,
                 self.output,
-                _device(self.device),
+                found_device(self.device),
                 bar.update,
                 report,
                 self.resume,
@@ -214,52 +215,24 @@ class RecognitionCommand(Command):
 
 def default(kind: type[Command], words: list[str]) -> Command:
     """The command with the settings of the preset that `words` name, for the single options to change."""
-    if kind is RecognitionCommand:
-        return RecognitionCommand(packs=())
-    named = [b for a, b in zip(words, words[1:], strict=False) if a == "--preset"]
-    named += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
-    preset = named[-1] if named and named[-1] in PRESETS else "kp-red-plus"
-    return kind(
-        packs=(),
-        preset=preset,
-        model=ModelConfig(category="", **PRESETS[preset]),
-        training=PAPER if preset == "kp-red" else TrainConfig(),
-    )  # type: ignore[call-arg]
+    settings: dict[str, Any] = {"packs": ()}
+    if issubclass(kind, _TrainCommand):
+        named = [b for a, b in zip(words, words[1:], strict=False) if a == "--preset"]
+        named += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
+        preset = named[-1] if named and named[-1] in PRESETS else "kp-red-plus"
+        settings["preset"] = preset
+        settings["model"] = ModelConfig(category="", **PRESETS[preset])
+        settings["training"] = PAPER if preset == "kp-red" else TrainConfig()
+    return kind(**settings)
 
 
-def _limit_threads(number: int) -> None:
-    """Of torch and of the compiled kernels: threads beyond the cores that are free wait for each other, busily."""
-    import torch
-
-    from kpred.errors import ConfigError
-
-    if number < 1:
-        raise ConfigError(f"Training needs at least 1 thread, but --threads is {number}.")
-    torch.set_num_threads(number)
-    with suppress(ImportError):  # numba is absent on machines that only train
-        import numba
-
-        numba.set_num_threads(min(number, numba.config.NUMBA_NUM_THREADS))
-
-
-def _device(name: str) -> str:
-    import torch
-
-    from kpred.errors import ConfigError
-
-    if name == "auto":
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    try:
-        torch.empty(0, device=name)
-    except (RuntimeError, AssertionError) as error:
-        raise ConfigError(f"The device {name} is not there or unknown; use --device cpu, or auto.") from error
-    return name
-
-
-COMMAND: dict[str, type[Command]] = {
-    "deformation": DeformationCommand,
-    "retrieval": RetrievalCommand,
-    "partial": PartialCommand,
-    "all": AllCommand,
-    "recognition": RecognitionCommand,
-}
+COMMAND = Group(
+    {
+        "deformation": DeformationCommand,
+        "retrieval": RetrievalCommand,
+        "partial": PartialCommand,
+        "all": AllCommand,
+        "recognition": RecognitionCommand,
+        "peer": PEER_COMMANDS,
+    }
+)

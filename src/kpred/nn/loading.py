@@ -119,7 +119,7 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
     Raises:
         ModelError: if a file is missing, truncated or does not fit the other.
     """
-    return _load(Path(folder), lambda values: KPRed(ModelConfig.from_dict(values)), device)
+    return load_weights(Path(folder), lambda values: KPRed(ModelConfig.from_dict(values)), device)
 
 
 def load_recognizer(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> Recognizer:
@@ -128,10 +128,15 @@ def load_recognizer(folder: str | os.PathLike[str], device: torch.device | str =
     Raises:
         ModelError: if a file is missing, truncated or does not fit the other.
     """
-    return _load(Path(folder), lambda values: Recognizer(RecognizerConfig.from_dict(values)), device)
+    return load_weights(Path(folder), lambda values: Recognizer(RecognizerConfig.from_dict(values)), device)
 
 
-def _load(folder: Path, build: Callable[[dict[str, Any]], Network], device: torch.device | str) -> Network:
+def load_weights(folder: Path, build: Callable[[dict[str, Any]], Network], device: torch.device | str) -> Network:
+    """Any network from its folder: `build` makes it from the values of config.json.
+
+    Raises:
+        ModelError: if a file is missing, truncated or does not fit the other.
+    """
     try:
         values = json.loads((folder / CONFIG_FILE).read_text())
         if not isinstance(values, dict):
@@ -164,7 +169,7 @@ def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = Tr
     Raises:
         OutputError: if the folder cannot be written.
     """
-    _save(network, network.config.to_dict(), Path(folder), torch.float16 if half else torch.float32)
+    save_weights(network, network.config.to_dict(), Path(folder), torch.float16 if half else torch.float32)
 
 
 def save_recognizer(network: Recognizer, folder: str | os.PathLike[str]) -> None:
@@ -173,10 +178,15 @@ def save_recognizer(network: Recognizer, folder: str | os.PathLike[str]) -> None
     Raises:
         OutputError: if the folder cannot be written.
     """
-    _save(network, network.config.to_dict(), Path(folder), torch.float16)
+    save_weights(network, network.config.to_dict(), Path(folder), torch.float16)
 
 
-def _save(network: nn.Module, config: dict[str, Any], folder: Path, dtype: torch.dtype) -> None:
+def save_weights(network: nn.Module, config: dict[str, Any], folder: Path, dtype: torch.dtype) -> None:
+    """Any network and its config into a folder, each file atomically.
+
+    Raises:
+        OutputError: if the folder cannot be written.
+    """
     tensors = {key: value.detach().cpu().to(dtype).contiguous() for key, value in network.state_dict().items()}
     try:
         folder.mkdir(parents=True, exist_ok=True)

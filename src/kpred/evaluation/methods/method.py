@@ -50,16 +50,17 @@ class Searcher(Protocol):
 
 @runtime_checkable
 class Method(Protocol):
-    """Something that retrieves and deforms.
+    """Something that retrieves and deforms."""
 
-    Attributes:
-        name: what its rows are called.
-        ranked: whether it matters how many sources are retrieved; one that looks at all of them has one row, not one
-            for every top k.
-    """
+    @property
+    def name(self) -> str:
+        """What its rows are called."""
+        ...
 
-    name: str
-    ranked: bool
+    @property
+    def ranked(self) -> bool:
+        """Whether it matters how many sources are retrieved; one that looks at all of them has one row alone."""
+        ...
 
     def over(self, sources: Sources) -> Searcher:
         """The method, ready to search these sources.

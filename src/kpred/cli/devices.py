@@ -1,0 +1,41 @@
+"""Where training runs: the device by its name, and how many CPU threads."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from kpred.errors import ConfigError
+
+
+def limit_threads(number: int) -> None:
+    """Of torch and of the compiled kernels: threads beyond the cores that are free wait for each other, busily.
+
+    Raises:
+        ConfigError: if it is below 1.
+    """
+    import torch
+
+    if number < 1:
+        raise ConfigError(f"Training needs at least 1 thread, but --threads is {number}.")
+    torch.set_num_threads(number)
+    with suppress(ImportError):  # numba is absent on machines that only train
+        import numba
+
+        numba.set_num_threads(min(number, numba.config.NUMBA_NUM_THREADS))
+
+
+def found_device(name: str) -> str:
+    """The device of this name; `auto` is CUDA where there is one.
+
+    Raises:
+        ConfigError: if it is not there.
+    """
+    import torch
+
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.empty(0, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise ConfigError(f"The device {name} is not there or unknown; use --device cpu, or auto.") from error
+    return name

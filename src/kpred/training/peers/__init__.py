@@ -1,0 +1,1 @@
+"""Training of peers, in the package's own loop and on its own data."""

@@ -1,0 +1,68 @@
+"""Training of KeypointDeformer: random pairs of shapes, similarity, keypoints drawn to farthest points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from kpred.nn.peers.keypoint_deformer import KeypointDeformer
+from kpred.ops import chamfer_distance, farthest_point_sampling
+from kpred.training.config import StageConfig
+from kpred.training.data import TrainingData
+from kpred.training.peers.config import KeypointDeformerTraining
+
+SPREAD_POINTS = 512
+"""Points of each cloud among which the farthest are sought."""
+
+
+class KeypointDeformerStage:
+    """L = L_sim + w_k L_kpt + w_i L_inf of the publication, in the form that the training loop wants."""
+
+    name = "keypoint-deformer"
+
+    def __init__(self, network: KeypointDeformer, data: TrainingData, config: KeypointDeformerTraining) -> None:
+        self.network, self.data, self.config = network, data, config
+
+    @property
+    def settings(self) -> StageConfig:
+        """The optimisation settings."""
+        return self.config.optimisation
+
+    def model_config(self) -> dict[str, Any]:
+        """The network's config."""
+        return self.network.config.to_dict()
+
+    def parameters(self) -> Iterator[torch.nn.Parameter]:
+        """All of them."""
+        return self.network.parameters()
+
+    def start(self) -> None:
+        """Nothing to do."""
+
+    def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
+        """Loss terms of one random batch of source/target pairs."""
+        config, data, network = self.config, self.data, self.network
+        batch = self.settings.batch
+        target = data.draw_targets(batch, config.points, config.stretch, generator)
+        rows = data.draw_sources(batch, generator)
+        source, cage = data.points[rows], data.cages[rows]
+        both = torch.cat([source, target])
+        keypoints = network.keypoints(both)
+        losses = {"keypoints": config.keypoint_weight * self._spread(both, keypoints)}
+        if step < config.warmup:
+            return losses
+        source_keypoints, target_keypoints = keypoints.chunk(2)
+        offset = network.offset(source)
+        influence = network.influence(offset, source_keypoints, cage)
+        moved = data.weights[rows].float() @ (influence.transpose(1, 2) @ (target_keypoints - source_keypoints))
+        losses["similarity"] = chamfer_distance(target, source + moved).mean()
+        losses["offset"] = config.offset_weight * offset.square().mean()
+        return losses
+
+    def _spread(self, clouds: Tensor, keypoints: Tensor) -> Tensor:
+        few = clouds[:, :SPREAD_POINTS]
+        index = farthest_point_sampling(few, self.config.spread_samples)
+        return chamfer_distance(torch.gather(few, 1, index[..., None].expand(-1, -1, 3)), keypoints).mean()

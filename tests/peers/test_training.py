@@ -1,0 +1,133 @@
+"""Peers: training falls, resumes exactly, is refused where it cannot be, and its weights come back as they were."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from kpred.errors import CheckpointError, ModelError, PackError
+from kpred.nn.peers import KeypointDeformerConfig, Uy2021Config, load_peer, load_peers
+from kpred.shapes.pack import MeshPack
+from kpred.shapes.synthetic.generator import generate
+from kpred.training.checkpoint import Checkpoint
+from kpred.training.config import StageConfig
+from kpred.training.peers.config import KeypointDeformerTraining, Uy2021Training
+from kpred.training.peers.part_sources import read_part_sources
+from kpred.training.peers.run import train_keypoint_deformer, train_uy2021
+
+SHORT = StageConfig(steps=5, batch=2)
+KD = KeypointDeformerTraining(optimisation=SHORT, points=96, warmup=2, checkpoint_every=2)
+UY = Uy2021Training(optimisation=SHORT, points=96, warmup=2, candidates=3, checkpoint_every=2)
+Train = Callable[..., torch.nn.Module]
+
+
+class Stopped(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def packs() -> list[MeshPack]:
+    """Six tables, of which four are sources."""
+    tables = generate("table", 6, seed=3, splits=False)
+    return [MeshPack.from_meshes(list(tables), list(tables.model_id), ["source"] * 4 + ["train"] * 2, "table")]
+
+
+def _train(peer: str, packs: list[MeshPack], folder: Path, **options) -> torch.nn.Module:
+    if peer == "keypoint-deformer":
+        config = replace(KD, **options.pop("change", {}))
+        return train_keypoint_deformer(packs, KeypointDeformerConfig(), config, folder, **options)
+    config = replace(UY, **options.pop("change", {}))
+    return train_uy2021(packs, Uy2021Config(parts=8, code_size=16), config, folder, **options)
+
+
+BOTH = pytest.mark.parametrize("peer", ["keypoint-deformer", "uy2021"])
+
+
+@BOTH
+def test_resumed_equals_uninterrupted_and_weights_come_back(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
+    whole = _train(peer, packs, tmp_path / "whole").state_dict()
+
+    def stop(_stage: str, done: int, _total: int, _losses: dict[str, float]) -> None:
+        if done == 3:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        _train(peer, packs, tmp_path / "cut", report=stop)
+    assert Checkpoint.load(tmp_path / "cut" / f"{peer}.checkpoint").step == 2
+    resumed = _train(peer, packs, tmp_path / "cut").state_dict()
+    assert whole.keys() == resumed.keys()
+    assert all(torch.equal(whole[key], resumed[key]) for key in whole)
+    found = load_peers(tmp_path / "cut")["table"]
+    for key, value in found.state_dict().items():
+        torch.testing.assert_close(value, whole[key].half().float(), rtol=0, atol=0)
+    assert (tmp_path / "cut" / "model" / "training.json").exists()
+
+
+@BOTH
+def test_the_deformation_error_falls(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
+    seen: list[dict[str, float]] = []
+    settings = StageConfig(steps=40, batch=4, learning_rate=3e-3)
+    _train(
+        peer,
+        packs,
+        tmp_path,
+        change={"optimisation": settings, "warmup": 5, "checkpoint_every": 100},
+        report=lambda _stage, _done, _total, losses: seen.append(losses),
+    )
+    name = "similarity" if peer == "keypoint-deformer" else "deformation"
+    values = [losses[name] for losses in seen if name in losses]
+    assert sum(values[-8:]) < 0.9 * sum(values[:8])
+
+
+@BOTH
+def test_refusals(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
+    _train(peer, packs, tmp_path / "run")
+    with pytest.raises(CheckpointError, match="other settings"):
+        _train(peer, packs, tmp_path / "run", change={"seed": 1})
+    chairs = generate("chair", 3, seed=0, splits=False)
+    with pytest.raises(PackError, match="one category"):
+        _train(peer, [*packs, chairs], tmp_path / "mixed")
+    weights = tmp_path / "run" / "model" / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:100])
+    with pytest.raises(ModelError, match=r"model\.safetensors"):
+        load_peers(tmp_path / "run")
+    config = tmp_path / "run" / "model" / "config.json"
+    config.write_text('{"peer": "nobody"}')
+    with pytest.raises(ModelError, match=r"config\.json"):
+        load_peer(config.parent)
+    with pytest.raises(ModelError, match="no weights of a peer"):
+        load_peers(tmp_path / "run")
+
+
+def test_uy_deforms_only_what_it_was_trained_on(packs: list[MeshPack], tmp_path: Path) -> None:
+    network = _train("uy2021", packs, tmp_path)
+    names = tuple(str(name) for name in packs[0].model_id)
+    assert network.rows(names[:4]).tolist() == [0, 1, 2, 3]
+    with pytest.raises(ModelError, match="2 of 6 sources were not in the training"):
+        network.rows(names)
+
+
+def test_sources_need_names_of_their_own(packs: list[MeshPack]) -> None:
+    with pytest.raises(PackError, match="are called"):
+        read_part_sources([*packs, *packs], 8, 0)
+    with pytest.raises(PackError, match="fewer than two shapes"):
+        read_part_sources(packs, 8, 0, split="val")
+
+
+def test_training_needs_only_torch_numpy_and_safetensors() -> None:
+    """As the package's own training; `tests/test_light_imports.py` shows that the blocker blocks."""
+    code = (
+        "import sys\n"
+        "class Hide:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.partition('.')[0] in 'trimesh scipy numba sqlalchemy jaxtyping rich tyro'.split():\n"
+        "            raise ModuleNotFoundError(name, name=name)\n"
+        "sys.meta_path.insert(0, Hide())\n"
+        "import kpred.training.peers.run\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
