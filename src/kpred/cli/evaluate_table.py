@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from kpred.cli.command import Group
+from kpred.cli.evaluate_ablation import AblationCommand
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, TableCommand, label, print_pivot, shown
+from kpred.cli.table_options import NOTE, SHORT, ModelTableCommand, label, print_pivot, shown
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Series, Table
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PackTableCommand(TableCommand):
+class _PackTableCommand(ModelTableCommand):
     """Tables that measure the targets of packs by one plan."""
 
     def config(self) -> TableConfig:
@@ -271,6 +272,12 @@ def _oracle_column(series: Series) -> str:
 
 
 TABLES = Group(
-    {"full": FullCommand, "partial": PartialCommand, "topk": TopKCommand, "oracle": OracleCommand},
+    {
+        "full": FullCommand,
+        "partial": PartialCommand,
+        "ablation": AblationCommand,
+        "topk": TopKCommand,
+        "oracle": OracleCommand,
+    },
     "Make a table of the paper: values, intervals, JSON and CSV.",
 )

@@ -28,14 +28,6 @@ class TableCommand(Command):
     """Mesh packs (.npz), or folders of them; a data set is named after its folder"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
     """Write FILE.json (all), FILE.csv (the table) and FILE.targets.csv (target by target)"""
-    model: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FOLDER", help_behavior_hint="repeatable")] = ()
-    """Trained networks and their name in the table; without any, the bundled ones"""
-    database: Annotated[
-        UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FILE", help_behavior_hint="repeatable")
-    ] = ()
-    """Database (.kpred) that a model searches; without it, one built from the split `source` of each pack"""
-    cache: Annotated[Path | None, arg(metavar="FOLDER")] = None
-    """Keep the databases that are built in this folder, for the next table"""
     split: Annotated[str, arg(metavar="NAME")] = "val"
     """Whose shapes are the targets"""
     limit: Annotated[int | None, arg(metavar="N")] = None
@@ -51,19 +43,6 @@ class TableCommand(Command):
             raise UsageError("no pack was named; try `kpred evaluate table full FILE.npz`")
         if self.output is not None:
             table_files(self.output)
-
-    def named_models(self) -> dict[str, str | None]:
-        """Models by their name in the table."""
-        return dict(_named(self.model, "model")) or {BUNDLED: None}
-
-    def named_databases(self) -> dict[str, str]:
-        """Databases by the name of the model that searches them."""
-        models = self.named_models()
-        found = dict(_named(self.database, "database")) if self.database else {}
-        for name in found:
-            if name not in models:
-                raise UsageError(f"--database names the model {name}, but the models are {', '.join(models)}")
-        return found
 
     def finish(self, output: Output, table: Table, seconds: float, show: Callable[[Output, Table], None]) -> None:
         """Write, print, and list what was left out."""
@@ -82,6 +61,33 @@ class TableCommand(Command):
             output.note(f"  and {len(remarks) - 10} more")
         for file in written:
             output.note(f"wrote {file}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelTableCommand(TableCommand):
+    """What the tables of given models share."""
+
+    model: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FOLDER", help_behavior_hint="repeatable")] = ()
+    """Trained networks and their name in the table; without any, the bundled ones"""
+    database: Annotated[
+        UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FILE", help_behavior_hint="repeatable")
+    ] = ()
+    """Database (.kpred) that a model searches; without it, one built from the split `source` of each pack"""
+    cache: Annotated[Path | None, arg(metavar="FOLDER")] = None
+    """Keep the databases that are built in this folder, for the next table"""
+
+    def named_models(self) -> dict[str, str | None]:
+        """Models by their name in the table."""
+        return dict(_named(self.model, "model")) or {BUNDLED: None}
+
+    def named_databases(self) -> dict[str, str]:
+        """Databases by the name of the model that searches them."""
+        models = self.named_models()
+        found = dict(_named(self.database, "database")) if self.database else {}
+        for name in found:
+            if name not in models:
+                raise UsageError(f"--database names the model {name}, but the models are {', '.join(models)}")
+        return found
 
 
 def _named(words: Sequence[str], option: str) -> list[tuple[str, str]]:

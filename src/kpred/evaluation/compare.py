@@ -71,9 +71,9 @@ def compare(first: Table, second: Table, a: str | None = None, b: str | None = N
             continue
         above, below = theirs[key], mine[key]
         for dataset, category in _groups(first):
-            shared = [s for s in below if s in above and s.dataset == dataset and category in (s.category, ALL)]
-            if shared:
-                found.append(_compared(key, dataset, category, shared, below, above, int(first.header.get("seed", 0))))
+            one = compare_series(key, dataset, category, below, above, int(first.header.get("seed", 0)))
+            if one is not None:
+                found.append(one)
     if not found:
         raise ConfigError(f"The tables have no series in common that {name_a} and {name_b} both measured.")
     return found
@@ -135,15 +135,21 @@ def _groups(table: Table) -> list[tuple[str, str]]:
     return [(dataset, category) for dataset in table.datasets() for category in table.categories(dataset)]
 
 
-def _compared(
+def compare_series(
     series: Series,
     dataset: str,
     category: str,
-    shared: list[Subject],
     first: Mapping[Subject, float],
     second: Mapping[Subject, float],
     seed: int,
-) -> Comparison:
+) -> Comparison | None:
+    """The values of `second` against those of `first`, over the targets of one category (or `all`) that both have.
+
+    None where they have none in common.
+    """
+    shared = [s for s in first if s in second and s.dataset == dataset and category in (s.category, ALL)]
+    if not shared:
+        return None
     a, b = (np.array([values[subject] for subject in shared]) for values in (first, second))
     ratio = ratio_interval(b.tolist(), a.tolist(), seed)
     difference = b - a
