@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "fit": "Fit a CAD model to a scan: mesh, record and picture.",
+    "fit-many": "Fit CAD models to very many scans: folders or Parquet manifests, processes or a Ray cluster.",
     "fit-depth": "Fit a CAD model to depth pictures of a known camera, and draw it over the photograph.",
     "scene": "Fit a CAD model to every object of a scanned scene: one GLB, records and picture.",
     "demo": "Fit the bundled sample scan with the bundled models.",
@@ -30,11 +31,12 @@ COMMANDS = {
     "data": "Generate synthetic furniture; describe mesh packs.",
     "train": "Train the networks of one category, stage by stage.",
     "evaluate": "Measure a model: on whole shapes, on virtual scans, on real scans.",
+    "bench": "Measure speed and memory on this machine, beside the plain way of doing the same.",
     "info": "Show versions, bundled models and the bundled database.",
 }
 """Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is asked for."""
 
-_MODULES = {"fit-depth": "depth"}
+_MODULES = {"fit-depth": "depth", "fit-many": "fit_many"}
 """Modules of commands whose name is no module's."""
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130

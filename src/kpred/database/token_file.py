@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -69,10 +70,12 @@ def open_table(path: Path) -> TokenTable | None:
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         half = sections["half"]
         # Of the half-precision tokens single models are read; reading ahead would only fill the memory.
-        data.madvise(mmap.MADV_RANDOM, half.offset, half.end - half.offset)
+        place = (half.offset, half.end - half.offset)
+        data.madvise(mmap.MADV_RANDOM, *place)
         fields = {name: section.of(data) for name, section in sections.items()}
         quantiser = Quantiser(fields.pop("lowest"), fields.pop("step"))
-        return TokenTable(TableKey(**header["key"]), quantiser, **fields)
+        release = partial(data.madvise, mmap.MADV_DONTNEED, *place)
+        return TokenTable(TableKey(**header["key"]), quantiser, **fields, release=release)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

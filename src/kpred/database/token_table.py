@@ -6,6 +6,7 @@ One search reads the codes, about 1.5 kB a model at most, and the half-precision
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,7 @@ class TokenTable:
         key: see there.
         half: (M, K, C) float16; codes: (G, M, P, S) and errors: (G, M, P) uint8 (`kpred.database.codes`).
         id_bytes: all ids in UTF-8, one after the other; id_ends: (M,) where each ends.
+        release: lets go of the pages of `half` that a search has read, which would pile up from search to search.
     """
 
     key: TableKey
@@ -59,6 +61,7 @@ class TokenTable:
     errors: np.ndarray
     id_bytes: np.ndarray
     id_ends: np.ndarray
+    release: Callable[[], None] | None = None
 
     def __len__(self) -> int:
         return len(self.half)
@@ -93,6 +96,8 @@ class TokenTable:
         distances = self._exact(first, query, weigh)
         rest = rest[lower[rest] <= np.partition(distances, wanted - 1)[wanted - 1]]
         distances = np.concatenate([distances, self._exact(rest, query, weigh)])
+        if self.release is not None:
+            self.release()
         return nearest([self.id_of(int(row)) for row in (*first, *rest)], distances, wanted)
 
     def _exact(self, rows: np.ndarray, query: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -1,0 +1,1 @@
+"""Fitting very many scans: on this machine or on a cluster, resumed after any interruption."""
