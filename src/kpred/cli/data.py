@@ -1,4 +1,4 @@
-"""`kpred data`: synthetic furniture, and what mesh packs hold."""
+"""`kpred data`: synthetic furniture, what mesh packs hold, and data sets as they were downloaded."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
+from kpred.cli.data_sets import CheckCommand, PrepareCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
@@ -99,4 +100,9 @@ def _splits(counts: Any) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
-COMMAND: dict[str, type[Command]] = {"generate": GenerateCommand, "info": InfoCommand}
+COMMAND: dict[str, type[Command]] = {
+    "generate": GenerateCommand,
+    "info": InfoCommand,
+    "check": CheckCommand,
+    "prepare": PrepareCommand,
+}

@@ -28,7 +28,7 @@ COMMANDS = {
     "scene": "Fit a CAD model to every object of a scanned scene: one GLB, records and picture.",
     "demo": "Fit the bundled sample scan with the bundled models.",
     "database": "Build, change, search and describe a database of CAD models.",
-    "data": "Generate synthetic furniture; describe mesh packs.",
+    "data": "Generate synthetic furniture; describe mesh packs; check and prepare data sets.",
     "train": "Train the networks of one category, stage by stage.",
     "evaluate": "Measure a model: on whole shapes, on virtual scans, on real scans.",
     "bench": "Measure speed and memory on this machine, beside the plain way of doing the same.",
