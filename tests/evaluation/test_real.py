@@ -35,6 +35,7 @@ from kpred.shapes import read_scan
 from kpred.shapes.scan2cad import read_annotations
 from kpred.shapes.synthetic.generator import generate
 
+# Of the Scan2CAD layout in conftest.py.
 TO_Z_UP = Rotation.from_euler("x", 90, degrees=True)
 SCENE = "scene0001_00"
 TURN = 40.0
@@ -151,47 +152,6 @@ def test_near_is_4_cm_of_what_was_kept(outcomes: list[CropOutcome]) -> None:
     assert rows["kept_points_under_4_cm"] == rows["category_right"] == 0.5
     assert rows["all_points_under_4_cm"] == 0
     assert real.NEAR_METRES == 0.04
-
-
-@pytest.fixture(scope="module")
-def layout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Scan2CAD repository with one scene: a turned, stretched chair on a floor, a trash bin, a chair without CAD."""
-    root = tmp_path_factory.mktemp("scan2cad")
-    mesh = generate("chair", 4, seed=8)[3]
-    low, high = mesh.bounds.astype(np.float64)
-    # ShapeNet's frame: front -z, box diagonal 1.
-    own = (mesh.vertices - (low + high) / 2) / np.linalg.norm(high - low) * [-1, 1, -1]
-    for name in ("good", "gone"):
-        folder = root / "Assets" / "shapenet-sample" / "03001627" / name / "models"
-        folder.mkdir(parents=True)
-        if name == "good":
-            trimesh.Trimesh(own, mesh.faces, process=False).export(folder / "model_normalized.obj")
-    turn = Rotation.from_euler("z", TURN, degrees=True) * TO_Z_UP
-    scale = np.array([1.1, 1.2, 1.0])
-    points = trimesh.sample.sample_surface(trimesh.Trimesh(own * scale, mesh.faces, process=False), 1500, seed=0)[0]
-    placed = turn.apply(points) + PLACE
-    ground = placed[:, 2].min()
-    floor = np.column_stack([np.random.default_rng(0).uniform(-2, 5, (3000, 2)), np.full(3000, ground - 0.002)])
-    cloud = np.concatenate([placed, placed + [2, 0, 0], floor])
-    folder = root / "Assets" / "scannet-sample" / SCENE
-    folder.mkdir(parents=True)
-    trimesh.PointCloud(cloud).export(folder / f"{SCENE}_vh_clean_2.ply")
-    box = {"bbox": (np.ptp(own, axis=0) / 2).tolist(), "center": [0.0, 0.0, 0.0]}
-
-    def entry(place: np.ndarray, catid: str, id_cad: str) -> dict[str, Any]:
-        wxyz = turn.as_quat()[[3, 0, 1, 2]].tolist()
-        trs = {"translation": place.tolist(), "rotation": wxyz, "scale": scale.tolist()}
-        return {"trs": trs, "catid_cad": catid, "id_cad": id_cad, "sym": "__SYM_ROTATE_UP_2", **box}
-
-    identity = {"translation": [0, 0, 0], "rotation": [1, 0, 0, 0], "scale": [1, 1, 1]}
-    models = [
-        entry(PLACE, "03001627", "good"),
-        entry(PLACE + [9, 9, 9], "02747177", "bin"),
-        entry(PLACE + [2, 0, 0], "03001627", "gone"),
-    ]
-    scene = {"id_scan": SCENE, "trs": identity, "aligned_models": models}
-    (root / "full_annotations.json").write_text(json.dumps([scene]))
-    return root
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from tyro.conf import arg
 
 from kpred.cli.command import Group
 from kpred.cli.evaluate_ablation import AblationCommand
+from kpred.cli.evaluate_scan2cad import Scan2CadCommand
 from kpred.cli.output import Output
 from kpred.cli.table_options import NOTE, SHORT, ModelTableCommand, label, print_pivot, shown
 
@@ -275,6 +276,7 @@ TABLES = Group(
     {
         "full": FullCommand,
         "partial": PartialCommand,
+        "scan2cad": Scan2CadCommand,
         "ablation": AblationCommand,
         "topk": TopKCommand,
         "oracle": OracleCommand,

@@ -54,7 +54,7 @@ class TableCommand(Command):
         show(output, table)
         remarks = [str(sentence) for sentence in table.header.get("remarks", [])]
         if remarks:
-            output.note(f"note: {len(remarks)} remarks, all of them in the file that -o writes:")
+            output.note(f"note: remarks: {len(remarks)}, all of them in the file that -o writes")
         for sentence in remarks[:10]:
             output.note(f"  {sentence}")
         if len(remarks) > 10:

@@ -20,6 +20,7 @@ from kpred.evaluation.scan_targets import random_frame
 from kpred.evaluation.targets import Target
 from kpred.fitting import RefineConfig
 from kpred.ops import chamfer_distance, sample_surface, squared_distances
+from kpred.ops.typing import Float
 
 KNOWN_FRAME, UNKNOWN_FRAME = "fit_known_frame", "fit_unknown_frame"
 
@@ -50,7 +51,7 @@ def measure_fits(
             report(f"no result: {target.model_id}, {method}: {fit}")
             continue
         mesh = moved(fit.mesh, frame) if method == UNKNOWN_FRAME else fit.mesh
-        result = _sampled(mesh, len(target.points), checksum)
+        result = sampled(mesh, len(target.points), checksum)
         top_k = how.top_k
         if partial:
             seen, whole = (float(squared_distances(c[None], result[None]).mean()) for c in (cloud, target.points))
@@ -62,7 +63,8 @@ def measure_fits(
     return scores
 
 
-def _sampled(mesh: trimesh.Trimesh, count: int, seed: int) -> torch.Tensor:
+def sampled(mesh: trimesh.Trimesh, count: int, seed: int) -> Float[torch.Tensor, "count 3"]:
+    """Points of a mesh's surface, in its frame; raises MeshError where no face has an area."""
     vertices = torch.from_numpy(np.asarray(mesh.vertices, dtype=np.float32))
     faces = torch.from_numpy(np.asarray(mesh.faces, dtype=np.int64))
     return sample_surface(vertices, faces, count, torch.Generator().manual_seed(seed))[0]

@@ -170,14 +170,8 @@ def open_pack(
                 [source.file], model, databases.get(model_name), plan.seed, building, tell, cache=plan.cache
             )
             stores[model_name] = stack.enter_context(opened)
-        first = next(iter(stores.values()))
-        arrays = first.candidates(category)
-        for model_name, store in stores.items():
-            if store.model_ids(category) != arrays.model_ids:
-                raise ConfigError(
-                    f"The database of {model_name} holds other shapes than that of {next(iter(stores))}, so that the "
-                    "models cannot be compared; give databases of the same shapes."
-                )
+        check_same_shapes(stores, category)
+        arrays = next(iter(stores.values())).candidates(category)
         known = set(arrays.model_ids) & {target.model_id for target in targets}
         if known:
             report(
@@ -192,6 +186,22 @@ def open_pack(
             else NoLearning(arrays.model_ids, category, shapes, shapes.new_zeros(0))
         )
         yield OpenPack(name, category, targets, stores, baseline)
+
+
+def check_same_shapes(stores: Mapping[str, Database], category: str) -> None:
+    """Refuse databases of models that cannot be compared.
+
+    Raises:
+        ConfigError: they hold different shapes of the category.
+        DatabaseError: one holds none.
+    """
+    first = next(iter(stores))
+    for name, store in stores.items():
+        if store.model_ids(category) != stores[first].model_ids(category):
+            raise ConfigError(
+                f"The database of {name} holds other {category} shapes than that of {first}, so that the models cannot "
+                "be compared; give databases of the same shapes."
+            )
 
 
 def measure_pack(

@@ -44,7 +44,8 @@ class TableConfig:
     Attributes:
         kind: `full`: whole shapes, CD. `partial`: shapes cut by a plane, UCD at each of `occlusions`. `topk`: whole
             shapes, the best of each of `top_k`. `oracle`: how well retrieval ranks (`kpred.evaluation.ranking`), of
-            whole shapes, or of shapes cut by a plane where there are `occlusions`.
+            whole shapes, and of shapes cut by a plane where there are `occlusions`. `scan2cad`: see
+            `kpred.evaluation.scan2cad_table`.
         split, limit, seed: which targets; `limit` of each pack, drawn by seed, None for all.
         top_k: how many retrieved models are deformed and compared.
         occlusions: shares hidden, for `partial`.
@@ -70,6 +71,8 @@ class TableConfig:
         Raises:
             ConfigError: an occlusion is no share that can be hidden.
         """
+        if self.kind == "scan2cad":
+            return ((PARTIAL, 0.0),)
         if self.kind == "oracle":
             return (*steps_of(FULL, ()), *(steps_of(PARTIAL, self.occlusions) if self.occlusions else ()))
         return steps_of(PARTIAL if self.kind == "partial" else FULL, self.occlusions)
@@ -208,7 +211,7 @@ def protocol_of(config: TableConfig) -> dict[str, Any]:
     """All settings that a value depends on, beside model and data."""
     values = asdict(config)
     values["top_k"], values["occlusions"] = list(config.top_k), list(config.occlusions)
-    if config.kind in ("full", "topk"):
+    if config.kind in ("full", "topk", "scan2cad"):
         values.pop("occlusions")
     return values
 
