@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kpred.batch import fit_many
     from kpred.database import Database
     from kpred.fitting import Fit, fit, sample_scan
     from kpred.nn import load_model
@@ -18,12 +19,13 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["Database", "Fit", "__version__", "fit", "load_model", "read_mesh", "read_scan", "sample_scan", "write_mesh"]
+__all__ = ["Database", "Fit", "__version__", "fit", "fit_many", "load_model", "read_mesh", "read_scan", "sample_scan", "write_mesh"]
 
 _HOME = {
     "Database": "kpred.database",
     "Fit": "kpred.fitting",
     "fit": "kpred.fitting.fit_scan",  # the function: the package has a module of this name too
+    "fit_many": "kpred.batch",
     "load_model": "kpred.nn",
     "read_mesh": "kpred.shapes",
     "read_scan": "kpred.shapes",

@@ -35,3 +35,7 @@ class ConfigError(KpredError):
 
 class OutputError(KpredError):
     """A result cannot be written: unknown extension, missing permission or a full disk."""
+
+
+class ManifestError(KpredError):
+    """A manifest or a batch of scans is missing, unreadable, or not what was begun."""

@@ -1,0 +1,76 @@
+"""Who does the work: a few workers that take tasks and give outcomes back, on this machine or on a cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Protocol, runtime_checkable
+
+from kpred.batch.task import Task
+from kpred.batch.worker import BatchSettings, Outcome, fit_task, single_threaded
+
+
+@runtime_checkable
+class Crew(Protocol):
+    """Workers. A task whose worker dies comes back with None instead of an outcome."""
+
+    @property
+    def size(self) -> int:
+        """How many tasks are worked on at once."""
+        ...
+
+    def start(self, task: Task) -> None:
+        """Hand in a task."""
+        ...
+
+    def finished(self) -> list[tuple[Task, Outcome | None]]:
+        """Wait until a task is done, and return all that are."""
+        ...
+
+    def close(self) -> None:
+        """Stop; what is being worked on is given up."""
+        ...
+
+
+class ProcessCrew:
+    """Processes on this machine, one thread each; new ones take the place of those that die."""
+
+    def __init__(self, size: int, settings: BatchSettings, out: str) -> None:
+        self.size = size
+        self._settings, self._out = settings, out
+        self._tasks: dict[Future[Outcome], Task] = {}
+        self._pool = self._new_pool()
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        # Fresh interpreters: a forked one would share locks of torch's threads.
+        context = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(self.size, mp_context=context, initializer=single_threaded)
+
+    def start(self, task: Task) -> None:
+        """See `Crew`."""
+        try:
+            future = self._pool.submit(fit_task, task, self._settings, self._out)
+        except BrokenProcessPool:
+            self._pool = self._new_pool()
+            future = self._pool.submit(fit_task, task, self._settings, self._out)
+        self._tasks[future] = task
+
+    def finished(self) -> list[tuple[Task, Outcome | None]]:
+        """See `Crew`; when one process dies, all tasks at hand come back with None."""
+        done, _ = wait(self._tasks, return_when=FIRST_COMPLETED)
+        found: list[tuple[Task, Outcome | None]] = []
+        for future in done:
+            task = self._tasks.pop(future)
+            try:
+                found.append((task, future.result()))
+            except BrokenProcessPool:
+                found.append((task, None))
+        return found
+
+    def close(self) -> None:
+        """See `Crew`."""
+        for process in list((getattr(self._pool, "_processes", None) or {}).values()):
+            if self._tasks:
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)

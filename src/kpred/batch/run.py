@@ -1,0 +1,193 @@
+"""A batch from beginning to end: tasks in, a few at a time; outcomes out; failures tried again, then listed."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from kpred.batch.crew import Crew, ProcessCrew
+from kpred.batch.ledger import Ledger
+from kpred.batch.task import Task, read_tasks
+from kpred.batch.worker import BatchSettings, Outcome
+from kpred.errors import ConfigError
+
+_WAITING = 2
+"""Tasks handed in for each worker: one that is worked on and one that waits; more would only fill the memory."""
+
+
+@dataclass
+class BatchReport:
+    """What a run did.
+
+    Attributes:
+        fitted: scans fitted in this run; present: those done before; retried: attempts beyond each scan's first.
+        failed: (name, reason) of the scans that were given up.
+    """
+
+    fitted: int = 0
+    present: int = 0
+    retried: int = 0
+    failed: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def handled(self) -> int:
+        """Scans that are done with, one way or another."""
+        return self.fitted + self.present + len(self.failed)
+
+
+def fit_many(
+    source: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    settings: BatchSettings | None = None,
+    *,
+    workers: int | None = None,
+    ray: str | None = None,
+    attempts: int = 3,
+    progress: Callable[[BatchReport], None] | None = None,
+) -> BatchReport:
+    """Fit all scans of a folder or Parquet manifest into the folder `out` (see `kpred.batch.ledger` for its layout).
+
+    A run that was stopped or killed goes on where it was when it is started again with the same arguments. Scans that
+    failed are tried again by the next run. What may have been an accident (a dead worker, a full disk) is tried
+    `attempts` times; after a worker died, what it may have been is tried alone.
+
+    Args:
+        source: the folder or the manifest (`kpred.batch.task.read_tasks`).
+        settings: how the scans are fitted.
+        workers: processes, one thread each; by default one a core, on Ray one a CPU of the cluster.
+        ray: address of a Ray cluster, `auto` or `local`; None works with processes of this machine.
+        progress: called after each scan.
+
+    Raises:
+        ManifestError: no scans there, no manifest, or `out` belongs to another batch or run.
+        ConfigError: an impossible argument, or no Ray. ModelError, DatabaseError: they cannot be opened.
+    """
+    if attempts < 1 or (workers is not None and workers < 1):
+        raise ConfigError(f"A batch needs at least 1 worker and 1 attempt, not {workers} and {attempts}.")
+    chosen = settings or BatchSettings()
+    tasks = read_tasks(source)
+    first = next(tasks, None)
+    _check_resources(chosen)
+    place = Path(out).resolve()
+    job = {"source": str(Path(source).resolve()), **chosen.to_dict()}
+    with Ledger(place, job) as ledger:
+        crew = _crew(ray, workers, chosen, str(place))
+        try:
+            report = _Batch(crew, ledger, attempts, progress).run(_chain(first, tasks))
+        finally:
+            crew.close()
+        ledger.write_failures(report.failed)
+    return report
+
+
+class _Batch:
+    """One run: what waits to be tried again, and the report."""
+
+    def __init__(
+        self, crew: Crew, ledger: Ledger, attempts: int, progress: Callable[[BatchReport], None] | None
+    ) -> None:
+        self.crew, self.ledger, self.attempts, self.progress = crew, ledger, attempts, progress
+        self.report = BatchReport()
+        self.tried: dict[str, int] = {}
+        self.again: deque[Task] = deque()
+        self.suspects: deque[Task] = deque()
+
+    def run(self, tasks: Iterator[Task]) -> BatchReport:
+        running = 0
+        while True:
+            running += self._fill(tasks, running)
+            if not running:
+                return self.report
+            for task, outcome in self.crew.finished():
+                running -= 1
+                self._take(task, outcome)
+
+    def _fill(self, tasks: Iterator[Task], running: int) -> int:
+        """Hand in what there is room for, and return how many tasks that were."""
+        if self.suspects:
+            # What may have killed its worker runs alone: others would be taken down, and suspected, with it.
+            return 0 if running else self._start(self.suspects.popleft())
+        started = 0
+        while running + started < _WAITING * self.crew.size:
+            task = self.again.popleft() if self.again else self._next(tasks)
+            if task is None:
+                break
+            started += self._start(task)
+        return started
+
+    def _start(self, task: Task) -> int:
+        self.tried[task.name] = self.tried.get(task.name, 0) + 1
+        self.report.retried += self.tried[task.name] > 1
+        self.crew.start(task)
+        return 1
+
+    def _next(self, tasks: Iterator[Task]) -> Task | None:
+        """The next scan that is neither done nor hopeless."""
+        for task in tasks:
+            if self.ledger.is_done(task):
+                self.report.present += 1
+            elif task.problem:
+                self.report.failed.append((task.name, task.problem))
+            else:
+                return task
+            self._tell()
+        return None
+
+    def _take(self, task: Task, outcome: Outcome | None) -> None:
+        if outcome is not None and outcome.row is not None:
+            self.ledger.done(task, outcome.row)
+            self.report.fitted += 1
+            self.tried.pop(task.name, None)
+        elif (outcome is None or outcome.again) and self.tried[task.name] < self.attempts:
+            (self.suspects if outcome is None else self.again).append(task)
+            return
+        else:
+            reason = outcome.problem if outcome is not None else "the process that fitted it died"
+            self.report.failed.append((task.name, reason))
+        self._tell()
+
+    def _tell(self) -> None:
+        if self.progress is not None:
+            self.progress(self.report)
+
+
+def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: str) -> Crew:
+    if ray is not None:
+        from kpred.batch.ray_crew import RayCrew
+
+        return RayCrew(ray, workers, settings, out)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return ProcessCrew(workers or cores, settings, out)
+
+
+def _check_resources(settings: BatchSettings) -> None:
+    """What would fail for every scan is told before the first."""
+    from kpred.fitting.resources import as_database, as_model, shared_categories
+    from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
+
+    if settings.mesh and settings.mesh not in OUTPUT_EXTENSIONS:
+        known = ", ".join(OUTPUT_EXTENSIONS)
+        raise ConfigError(f"Meshes cannot be written as {settings.mesh!r}; use one of {known}.")
+    shared_categories(as_model(settings.model), as_database(settings.database), settings.category)
+
+
+def _chain(first: Task | None, rest: Iterator[Task]) -> Iterator[Task]:
+    if first is not None:
+        yield first
+        yield from rest
+
+
+def count_scans(source: str | os.PathLike[str]) -> int | None:
+    """How many there are, where that is known without reading all of it."""
+    path = Path(source)
+    if path.is_dir():
+        return sum(1 for _ in read_tasks(path))
+    try:
+        from pyarrow import parquet
+
+        return int(parquet.ParquetFile(path).metadata.num_rows)
+    except Exception:  # `fit_many` says what is wrong
+        return None

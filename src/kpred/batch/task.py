@@ -1,0 +1,75 @@
+"""Scans to be fitted: from a folder or a Parquet manifest, one at a time."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from kpred.errors import ManifestError
+from kpred.shapes.manifest import read_manifest
+from kpred.shapes.scan import SCAN_EXTENSIONS
+
+
+@dataclass(frozen=True)
+class Task:
+    """One scan.
+
+    Attributes:
+        name: unique in the batch; path: the file, None where the manifest's row is broken.
+        category: of the object; None where it is to be found.
+        problem: why it cannot be fitted, from the manifest; empty otherwise.
+    """
+
+    name: str
+    path: str | None
+    category: str | None = None
+    problem: str = ""
+
+    @property
+    def stem(self) -> str:
+        """Where its results lie below the output folder, without extension: readable, short and unique."""
+        digest = hashlib.sha256(self.name.encode("utf-8", "surrogatepass")).hexdigest()
+        readable = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(self.name).stem)[:48].lstrip(".") or "scan"
+        return f"{digest[:2]}/{readable}-{digest[:16]}"
+
+
+def read_tasks(source: str | os.PathLike[str]) -> Iterator[Task]:
+    """Scans of a folder (and the folders in it, by name) or of a Parquet manifest; see `kpred.shapes.manifest`.
+
+    Raises:
+        ManifestError: no such folder or file, no scan in it, or no manifest.
+    """
+    root = Path(source)
+    if root.is_dir():
+        return _of_folder(root)
+    return _of_manifest(root)
+
+
+def _of_folder(root: Path) -> Iterator[Task]:
+    found = False
+    for folder, folders, files in os.walk(root):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for name in sorted(files):
+            if Path(name).suffix.lower() in SCAN_EXTENSIONS and not name.startswith("."):
+                found = True
+                path = Path(folder) / name
+                yield Task(path.relative_to(root).as_posix(), str(path))
+    if not found:
+        raise ManifestError(f"{root}: there are no scans in it; put {', '.join(SCAN_EXTENSIONS)} files there.")
+
+
+def _of_manifest(file: Path) -> Iterator[Task]:
+    # Digests instead of names: 16 bytes a row are held, whatever the names are.
+    seen: set[bytes] = set()
+    for row in read_manifest(file):
+        name, problem = row.name, row.problem
+        digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:16]
+        if digest in seen:
+            name = f"{name} (row {row.number})"
+            problem = problem or f"row {row.number} of {file.name} has the id of an earlier one"
+        seen.add(digest)
+        yield Task(name, None if row.path is None else str(row.path), row.category, problem)

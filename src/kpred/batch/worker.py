@@ -1,0 +1,120 @@
+"""What a worker does: fit one scan and write its files. Model and database are loaded once a process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from kpred.batch.task import Task
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """How all scans of a batch are fitted; the names are those of `kpred.fit`.
+
+    Attributes:
+        mesh: extension of the meshes that are written; an empty one writes records alone.
+    """
+
+    model: str | None = None
+    database: str | None = None
+    category: str | None = None
+    top_k: int = 10
+    frame: Literal["auto", "known"] = "auto"
+    up: str = "auto"
+    refine: bool = True
+    clean: bool = True
+    mesh: str = ".ply"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one scan.
+
+    Attributes:
+        row: the line of `results.jsonl`; None where it failed.
+        problem: why; empty where it did not.
+        again: trying again may help.
+    """
+
+    name: str
+    row: dict[str, Any] | None
+    problem: str = ""
+    again: bool = False
+
+
+def single_threaded() -> None:
+    """One thread for this process: workers share the cores, and compiled threads wait busily."""
+    import torch
+
+    torch.set_num_threads(1)
+    with suppress(ImportError):
+        import numba
+
+        numba.set_num_threads(1)
+
+
+def fit_task(task: Task, settings: BatchSettings, out: str) -> Outcome:
+    """Fit one scan, write `stem`.json and its mesh below `out`, all or none, and say what became of it."""
+    from kpred.errors import KpredError, OutputError, ScanError
+    from kpred.fitting.fit_scan import fit
+    from kpred.shapes.atomic import write_together
+    from kpred.shapes.mesh_io import write_mesh
+
+    if task.path is None or task.problem:
+        return Outcome(task.name, None, task.problem or "no file is named")
+    try:
+        found = fit(
+            task.path,
+            settings.model,
+            settings.database,
+            task.category or settings.category,
+            top_k=settings.top_k,
+            frame=settings.frame,
+            up=settings.up,
+            refine=settings.refine,
+            clean=settings.clean,
+        )
+        place = Path(out, f"{task.stem}.json")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        mesh = f"{task.stem}{settings.mesh}" if settings.mesh else None
+        row = {
+            "name": task.name,
+            "model_id": found.source.model_id,
+            "category": found.category,
+            "confidence": found.confidence,
+            "error": found.source.final_error,
+            "warnings": len(found.warnings),
+            "mesh": mesh,
+        }
+        record = {"scan": task.path, "batch": row, **found.to_json()}
+        text = json.dumps(record, indent=1, default=_plain) + "\n"
+        # The record comes last: where it is, the scan is done.
+        writers: dict[Path, Callable[[Path], object]] = {}
+        if mesh:
+            writers[Path(out, mesh)] = lambda file: write_mesh(file, found.mesh)
+        writers[place] = lambda file: file.write_text(text, encoding="utf-8")
+        write_together(writers)
+    except OutputError as error:
+        return Outcome(task.name, None, str(error), again=True)
+    except ScanError as error:
+        return Outcome(task.name, None, str(error))
+    except KpredError as error:
+        return Outcome(task.name, None, str(error), again="locked" in str(error) or "another process" in str(error))
+    except Exception as error:  # one bad scan must not stop the rest, whatever is wrong with it
+        return Outcome(task.name, None, f"{type(error).__name__}: {error}", again=True)
+    return Outcome(task.name, row)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -1,0 +1,109 @@
+"""`kpred fit-many`: very many scans in, a folder of CAD meshes and records out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+
+if TYPE_CHECKING:
+    from kpred.batch.run import BatchReport
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitManyCommand(Command):
+    """Fit CAD models to all scans of a folder or of a Parquet manifest.
+
+    A manifest has a column `path`, and may have `id` and `category`. Each scan gets a record (.json) and a mesh in OUT;
+    OUT/results.jsonl and OUT/failures.jsonl list them. A run that was stopped or killed goes on where it was when the
+    same command is given again; what failed is then tried again.
+
+    examples:
+      kpred fit-many scans/ -o fitted/
+      kpred fit-many scans.parquet -o fitted/ --category chair --workers 8
+      kpred fit-many s3_copy/scans.parquet -o /shared/fitted --ray auto --mesh .glb
+    """
+
+    source: Annotated[Positional[Path], arg(metavar="INPUT")]
+    """Folder of scans, or Parquet manifest (.parquet)"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
+    """Folder for results, made when it does not exist"""
+    category: Annotated[str | None, arg(metavar="NAME")] = None
+    """Of scans whose manifest names none; without it, found for each"""
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+    database: Annotated[str | None, arg(metavar="FILE_OR_URL")] = None
+    """CAD database: a file (.kpred) or postgresql://...; without it, the bundled one"""
+    top_k: Annotated[int, arg(metavar="K")] = 10
+    """How many retrieved models to deform and compare"""
+    frame: Literal["auto", "known"] = "auto"
+    """auto finds each scan's box and front; known takes scans as y up, front +z, in their unit box"""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """Up axis of the scans"""
+    refine: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Leave out the refinement of keypoints"""
+    clean: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Take the scans as they are"""
+    mesh: Literal[".ply", ".obj", ".glb", ".stl", "none"] = ".ply"
+    """Kind of mesh files; none writes records alone"""
+    workers: Annotated[int | None, arg(metavar="N")] = None
+    """Processes of one thread each; without it, one a core (on Ray, one a CPU of the cluster)"""
+    ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Work on a Ray cluster: auto, local or its address; all machines must see scans and OUT under the same paths"""
+    attempts: Annotated[int, arg(metavar="N")] = 3
+    """How often a scan is tried whose failure may have been an accident (a dead worker, a full disk)"""
+
+    def run(self, output: Output) -> None:
+        """Fit all, print the numbers and what failed."""
+        from kpred.batch.run import count_scans, fit_many
+        from kpred.batch.worker import BatchSettings
+        from kpred.cli.progress import ProgressBar
+
+        settings = BatchSettings(
+            model=self.model,
+            database=self.database,
+            category=self.category,
+            top_k=self.top_k,
+            frame=self.frame,
+            up=self.up,
+            refine=self.refine,
+            clean=self.clean,
+            mesh="" if self.mesh == "none" else self.mesh,
+        )
+        total = count_scans(self.source) if self.source.exists() else None
+        try:
+            with ProgressBar() as bar:
+
+                def tell(report: BatchReport) -> None:
+                    note = f"{len(report.failed)} failed" if report.failed else ""
+                    bar.update("fitting scans", report.handled, total, note)
+
+                report = fit_many(
+                    self.source,
+                    self.output,
+                    settings,
+                    workers=self.workers,
+                    ray=self.ray,
+                    attempts=self.attempts,
+                    progress=tell,
+                )
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(
+                f"what is in {self.output} is whole, and the same command goes on with it"
+            ) from error
+        facts = {"path": self.output, "fitted": report.fitted, "present": report.present, "retried": report.retried}
+        output.result({**facts, "failed": [{"name": name, "problem": why} for name, why in report.failed]})
+        for name, why in report.failed[:10]:
+            output.note(f"failed: {name}: {why}")
+        if len(report.failed) > 10:
+            output.note(f"failed: {len(report.failed) - 10} more ({self.output / 'failures.jsonl'} lists them)")
+        done = f"{report.fitted} fitted, {report.present} already there, {len(report.failed)} failed"
+        output.note(f"{self.output}: {done}")
+
+
+COMMAND: type[Command] = FitManyCommand

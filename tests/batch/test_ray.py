@@ -1,0 +1,54 @@
+"""A Ray cluster of this machine: the same batch, and a worker that is killed."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from kpred.batch import BatchSettings
+from kpred.batch.ledger import Ledger
+from kpred.batch.run import _Batch
+from kpred.batch.task import Task
+from kpred.errors import ConfigError
+
+pytest.importorskip("ray", reason="Ray is not installed: pip install 'kpred[ray]'")
+
+
+def test_no_cluster_is_told(tmp_path):
+    from kpred.batch.ray_crew import RayCrew
+
+    with pytest.raises(ConfigError, match="No Ray cluster"):
+        RayCrew("auto", 1, BatchSettings(), str(tmp_path))
+
+
+@pytest.mark.slow
+def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path):
+    from kpred.batch.ray_crew import RayCrew
+
+    rng = np.random.default_rng(0)
+    tasks = []
+    for i in range(5):
+        file = tmp_path / f"{i}.npy"
+        np.save(file, rng.uniform(-1, 1, (300, 3)) * (1, 0.5, 0.7))
+        tasks.append(Task(file.name, str(file), "chair"))
+    out = tmp_path / "out"
+    settings = BatchSettings(category="chair", frame="known", refine=False, clean=False)
+    with Ledger(out, {}) as ledger:
+        crew = RayCrew("local", 1, settings, str(out))
+        killed = []
+
+        def kill_once(report):
+            if report.fitted == 1 and not killed:
+                killed.extend(crew.workers())
+                os.kill(killed[0], signal.SIGKILL)
+
+        try:
+            report = _Batch(crew, ledger, attempts=3, progress=kill_once).run(iter(tasks))
+        finally:
+            crew.close()
+    assert killed
+    assert report.fitted == 5
+    assert report.failed == []
+    assert len((out / "results.jsonl").read_text().splitlines()) == 5
+    assert len(list(out.glob("??/[!.]*.ply"))) == 5
