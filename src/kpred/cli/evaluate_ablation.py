@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, TableCommand, label, print_pivot, shown
+from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, label, print_pivot, shown
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Series, Table
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AblationCommand(TableCommand):
+class AblationCommand(PackTableCommand):
     """Ablations: train the rows that are missing, measure them, print the table.
 
     Rows a to f switch geometric self-attention (GSA), deformation-aware retrieval (DAR) and local-global features

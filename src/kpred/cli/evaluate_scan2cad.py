@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, ModelTableCommand, label, shown
+from kpred.cli.table_options import NOTE, SHORT, ModelOptions, TableCommand, label, shown
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Table
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scan2CadCommand(ModelTableCommand):
+class Scan2CadCommand(TableCommand, ModelOptions):
     """Objects of Scan2CAD scenes: UCD in the annotated CAD model's frame (the paper), and where it must be found.
 
     FOLDER is laid out as Scan2CAD's repository: full_annotations.json, Assets/scannet-sample, Assets/shapenet-sample;

@@ -12,7 +12,7 @@ from kpred.cli.command import Group
 from kpred.cli.evaluate_ablation import AblationCommand
 from kpred.cli.evaluate_scan2cad import Scan2CadCommand
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, ModelTableCommand, label, print_pivot, shown
+from kpred.cli.table_options import NOTE, SHORT, ModelOptions, PackTableCommand, label, print_pivot, shown
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Series, Table
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PackTableCommand(ModelTableCommand):
+class _MeasuredCommand(PackTableCommand, ModelOptions):
     """Tables that measure the targets of packs by one plan."""
 
     def config(self) -> TableConfig:
@@ -54,7 +54,7 @@ class _PackTableCommand(ModelTableCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullCommand(_PackTableCommand):
+class FullCommand(_MeasuredCommand):
     """Whole shapes: Chamfer distance, best of the top k (the paper's table of full shapes).
 
     Rows: what needs no model (two samples of one surface, the true nearest shape as it is, deformation without
@@ -110,7 +110,7 @@ class FullCommand(_PackTableCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartialCommand(_PackTableCommand):
+class PartialCommand(_MeasuredCommand):
     """Shapes cut by a random plane: UCD at each share hidden (the paper's occlusion curves).
 
     UCD is measured from the points that are seen; `UCD, whole` from all of the true surface to the same result.
@@ -160,7 +160,7 @@ class PartialCommand(_PackTableCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TopKCommand(_PackTableCommand):
+class TopKCommand(_MeasuredCommand):
     """Whole shapes: how the number of retrieved models that are deformed and compared counts.
 
     examples:
@@ -198,7 +198,7 @@ class TopKCommand(_PackTableCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OracleCommand(_PackTableCommand):
+class OracleCommand(_MeasuredCommand):
     """How well retrieval ranks: all of the database is deformed and refined to every target.
 
     The true best is the model of the lowest error after that. Printed: for which share of the targets it is among the

@@ -31,6 +31,7 @@ COMMANDS = {
     "data": "Generate synthetic furniture; describe mesh packs; check and prepare data sets.",
     "train": "Train the networks of one category, stage by stage.",
     "evaluate": "Measure a model: on whole shapes, on virtual scans, on real scans.",
+    "plot": "Draw figures: occlusion curves, maps of tokens, keypoints, influence, grids of results.",
     "bench": "Measure speed and memory on this machine, beside the plain way of doing the same.",
     "info": "Show versions, bundled models and the bundled database.",
 }

@@ -28,10 +28,6 @@ class TableCommand(Command):
     """Mesh packs (.npz), or folders of them; a data set is named after its folder"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
     """Write FILE.json (all), FILE.csv (the table) and FILE.targets.csv (target by target)"""
-    split: Annotated[str, arg(metavar="NAME")] = "val"
-    """Whose shapes are the targets"""
-    limit: Annotated[int | None, arg(metavar="N")] = None
-    """At most so many targets a pack, drawn at random by the seed"""
     seed: Annotated[int, arg(metavar="SEED")] = 0
     """Of targets, planes, sampling and intervals; the same arguments give the same values"""
 
@@ -64,8 +60,18 @@ class TableCommand(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelTableCommand(TableCommand):
-    """What the tables of given models share."""
+class PackTableCommand(TableCommand):
+    """What tables of mesh packs share."""
+
+    split: Annotated[str, arg(metavar="NAME")] = "val"
+    """Whose shapes are the targets"""
+    limit: Annotated[int | None, arg(metavar="N")] = None
+    """At most so many targets a pack, drawn at random by the seed"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions(Command):
+    """Which models are measured or shown, and what they search."""
 
     model: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FOLDER", help_behavior_hint="repeatable")] = ()
     """Trained networks and their name in the table; without any, the bundled ones"""

@@ -1,0 +1,1 @@
+"""Figures: occlusion curves, maps of retrieval tokens, keypoints, influence, and grids of results."""
