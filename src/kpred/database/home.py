@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
 from sqlalchemy import Connection
 
 from kpred.database.search import Index
 
 Progress = Callable[[int, int], None]
 """Called with what is done and what there is to do in all."""
+
+
+class Added(NamedTuple):
+    """A model that was just put into the tables: its row, its category's row, its tokens (K, C)."""
+
+    model: int
+    category: int
+    tokens: np.ndarray
 
 
 @runtime_checkable
@@ -34,8 +43,15 @@ class Home(Protocol):
     @property
     def one_at_a_time(self) -> bool: ...
 
-    def transaction(self, write: bool) -> AbstractContextManager[Connection]:
-        """A transaction that ends with the block; what goes wrong in it is a DatabaseError that names the place."""
+    def transaction(self, write: bool, alone: bool = False) -> AbstractContextManager[Connection]:
+        """A transaction that ends with the block; what goes wrong in it is a DatabaseError that names the place.
+
+        `alone`: nobody else may write meanwhile.
+        """
+        ...
+
+    def added(self, connection: Connection, rows: Sequence[Added]) -> None:
+        """Told of models that were put into the tables in this transaction."""
         ...
 
     def version(self, connection: Connection) -> object:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from sqlalchemy import Connection, CursorResult, Select, func, insert, select, update
+from sqlalchemy import Connection, CursorResult, Select, func, insert, select, text, update
 from sqlalchemy.exc import IntegrityError
 
 from kpred.database.entry import DamagedArray, Entry, pack_arrays, pack_frame, unpack_array, unpack_frame
+from kpred.database.home import Added
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
 from kpred.errors import DatabaseError
 from kpred.shapes.mesh import Mesh
@@ -32,7 +33,7 @@ class FittingArrays:
     point_basis: np.ndarray
 
 
-def insert_entry(connection: Connection, entry: Entry, model_name: str) -> None:
+def insert_entry(connection: Connection, entry: Entry, model_name: str) -> Added:
     """Add one entry, and its category where it is the first of it.
 
     Raises DatabaseError: the id is taken, or the category's tokens are of other weights or another shape.
@@ -64,6 +65,7 @@ def insert_entry(connection: Connection, entry: Entry, model_name: str) -> None:
     )
     rows = [{"model": number, "name": name, **columns} for name, columns in pack_arrays(entry).items()]
     connection.execute(insert(ArrayRow), rows)
+    return Added(number, category, np.asarray(entry.tokens))
 
 
 def read_entry(connection: Connection, model_id: str) -> Entry | None:
@@ -203,8 +205,12 @@ def _category(connection: Connection, entry: Entry, model_name: str) -> int:
     count, size = entry.tokens.shape
     if row is None:
         columns = {"name": entry.category, "fingerprint": entry.fingerprint, "model_name": model_name}
-        made = connection.execute(insert(CategoryRow).values(**columns, keypoint_count=count, token_size=size))
-        return _key(made)
+        values = {**columns, "keypoint_count": count, "token_size": size}
+        # Another who writes on a server may have made it meanwhile.
+        marks = ", ".join(f":{name}" for name in values)
+        statement = f"INSERT INTO category ({', '.join(values)}) VALUES ({marks}) ON CONFLICT (name) DO NOTHING"
+        connection.execute(text(statement), values)
+        row = connection.execute(select(CategoryRow).where(CategoryRow.name == entry.category)).one()
     if entry.fingerprint != row.fingerprint:
         raise DatabaseError(
             f"its {row.name} tokens were made by weights {row.fingerprint or 'unnamed'}, {entry.model_id} was encoded "

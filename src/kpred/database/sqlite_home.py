@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from sqlalchemy import Connection
 
 from kpred.database.connection import explained, migrate, open_file
-from kpred.database.home import Progress
+from kpred.database.home import Added, Progress
 from kpred.database.rows import CategoryTokens, count_tokens, read_epoch, read_tokens, stream_tokens
 from kpred.database.search import Index, TokenIndex
 from kpred.database.token_file import Rows, make_table, open_table
@@ -37,7 +37,7 @@ class SqliteHome:
         self._tables: dict[str, TokenTable] = {}
 
     @contextmanager
-    def transaction(self, write: bool) -> Iterator[Connection]:
+    def transaction(self, write: bool, alone: bool = False) -> Iterator[Connection]:
         """See `Home`; the first write brings a file of an older format up to date."""
         if write and self.read_only:
             raise DatabaseError(
@@ -51,6 +51,9 @@ class SqliteHome:
             if write:
                 migrate(connection)
             yield connection
+
+    def added(self, connection: Connection, rows: Sequence[Added]) -> None:
+        """See `Home`; a token file is extended when it is next used."""
 
     def version(self, connection: Connection) -> object:
         """See `Home`."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from threading import RLock
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from sqlalchemy import Connection, delete, func, select
@@ -19,6 +19,7 @@ from kpred import __version__
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
 from kpred.database.home import Home, Progress
+from kpred.database.postgres_home import ConnectionLost, PostgresHome, database_exists, is_address
 from kpred.database.rows import (
     FittingArrays,
     chunks,
@@ -33,6 +34,11 @@ from kpred.database.search import Index, SearchResult, as_result
 from kpred.database.sqlite_home import SqliteHome
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+
+_ATTEMPTS = 4
+"""How often work is done again when the server goes away in the middle of it."""
+
+Value = TypeVar("Value")
 
 _CACHED_MODELS = 4096
 """Models whose points and basis are kept in memory: about 120 kB each."""
@@ -76,6 +82,8 @@ class Database:
         `timeout`: seconds to wait while another process writes, before giving up.
         Raises DatabaseError: missing, empty, foreign, damaged, newer than this program, locked.
         """
+        if is_address(path):
+            return cls(PostgresHome(path, bool(read_only), timeout))
         file = Path(path)
         if read_only is None:
             read_only = file.exists() and not os.access(file, os.W_OK)
@@ -87,11 +95,18 @@ class Database:
 
         Raises DatabaseError: it exists already and `overwrite` is not set, or cannot be written.
         """
+        if is_address(path):
+            return cls(PostgresHome(path, False, timeout, create=__version__))
         file = Path(path)
         if file.exists() and not overwrite:
             raise DatabaseError(f"Database {file} exists already; open it, or choose another name.")
         create_file(file, __version__)
         return cls(SqliteHome(file, False, timeout))
+
+    @staticmethod
+    def exists(path: str | os.PathLike[str]) -> bool:
+        """Whether there is a file, or tables on the server, at this place."""
+        return database_exists(path) if is_address(path) else Path(path).exists()
 
     @property
     def path(self) -> Path | str:
@@ -130,13 +145,21 @@ class Database:
         pending = list(entries)
         for entry in pending:
             entry.check()
+        return self._steadily(lambda lost: self._add(pending, model_name, lost))
+
+    def _add(self, entries: list[Entry], model_name: str, lost: bool) -> int:
         with self._transaction(write=True) as connection:
-            for entry in pending:
+            # A connection that was lost while committing leaves open whether it did.
+            if lost and entries and len(find_rows(connection, [entry.model_id for entry in entries])) == len(entries):
+                return len(entries)
+            added = []
+            for entry in entries:
                 try:
-                    insert_entry(connection, entry, model_name)
+                    added.append(insert_entry(connection, entry, model_name))
                 except DatabaseError as error:
                     raise DatabaseError(f"Database {self.path}: {error}") from error
-        return len(pending)
+            self._home.added(connection, added)
+        return len(entries)
 
     def remove(self, model_ids: Iterable[str]) -> int:
         """Take models out of the file in one transaction and return their number.
@@ -145,7 +168,7 @@ class Database:
         Raises DatabaseError, and then removes none of them: an id is not in the database.
         """
         wanted = list(dict.fromkeys(model_ids))
-        with self._transaction(write=True) as connection:
+        with self._transaction(write=True, alone=True) as connection:
             rows = find_rows(connection, wanted)
             if len(rows) < len(wanted):
                 raise self._unknown([name for name in wanted if name not in rows])
@@ -188,8 +211,7 @@ class Database:
 
     def entry(self, model_id: str) -> Entry:
         """All of one model, mesh and vertex basis included."""
-        with self._transaction() as connection:
-            entry = read_entry(connection, model_id)
+        entry = self._steadily(lambda _: self._read_entry(model_id))
         if entry is None:
             raise self._unknown([model_id])
         return entry
@@ -227,7 +249,7 @@ class Database:
 
         Exact. Nearest first, ties by id. Fewer than `top_k` when the category has fewer models.
         """
-        return as_result(self._index(category).ranked(tokens, weights, top_k))
+        return self._steadily(lambda _: as_result(self._index(category).ranked(tokens, weights, top_k)))
 
     def prepare_search(self, progress: Progress | None = None) -> None:
         """Make what the first search of each category would make: for very many models, a token file beside the file.
@@ -292,11 +314,11 @@ class Database:
     # Private
 
     @contextmanager
-    def _transaction(self, write: bool = False) -> Iterator[Connection]:
+    def _transaction(self, write: bool = False, alone: bool = False) -> Iterator[Connection]:
         with self._lock if self._home.one_at_a_time else nullcontext():
             if not self._open:
                 raise DatabaseError(f"Database {self.path} is closed; open it again.")
-            with self._home.transaction(write) as connection:
+            with self._home.transaction(write, alone) as connection:
                 version = self._home.version(connection)
                 if version != self._version:
                     self._forget()  # another process has written
@@ -306,6 +328,19 @@ class Database:
                 finally:
                     if write:
                         self._forget()
+
+    def _steadily(self, work: Callable[[bool], Value]) -> Value:
+        """Do work that may be done again, and do it again when the server went away in the middle of it.
+
+        `work` is told whether a connection was lost before.
+        """
+        for attempt in range(_ATTEMPTS):
+            try:
+                return work(attempt > 0)
+            except ConnectionLost:
+                if attempt == _ATTEMPTS - 1:
+                    raise
+        raise AssertionError("unreachable")
 
     def _forget(self) -> None:
         with self._lock:
@@ -322,6 +357,10 @@ class Database:
                 )
             self._indices[category] = index
             return index
+
+    def _read_entry(self, model_id: str) -> Entry | None:
+        with self._transaction() as connection:
+            return read_entry(connection, model_id)
 
     def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
         found = read_fitting_arrays(connection, model_ids)
