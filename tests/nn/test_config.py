@@ -13,7 +13,7 @@ def test_round_trip_through_json_with_every_setting_changed() -> None:
     changed = ModelConfig(
         category="table", keypoints=8, token_size=16, radius=0.4, region_points=32, width=64, stages=3, heads=4,
         keypoint_head="regression", self_attention=False, deformation_aware=False, local_global=False,
-        confidence=False, partial_blocks=1, influence="local", influence_neighbours=5, cage="pulled",
+        confidence=False, partial_blocks=1, box_blocks=1, influence="local", influence_neighbours=5, cage="pulled",
         cage_subdivisions=2, density=100.0,
     )  # fmt: skip
     plain = ModelConfig().to_dict()
@@ -54,7 +54,7 @@ def test_impossible_settings_are_refused(settings: dict[str, object]) -> None:
 
 
 def test_presets() -> None:
-    assert preset("kp-red-plus", "chair") == ModelConfig(category="chair", partial_blocks=2)
+    assert preset("kp-red-plus", "chair") == ModelConfig(category="chair", partial_blocks=2, box_blocks=2)
     paper = preset("kp-red", "table")
     assert (paper.category, paper.keypoints, paper.token_size, paper.radius) == ("table", 12, 128, 0.3)
     assert (paper.keypoint_head, paper.influence, paper.influence_neighbours) == ("regression", "local", 5)
@@ -75,3 +75,10 @@ def test_cage_vertices_are_those_of_the_icosphere() -> None:
 
     for subdivisions in range(3):
         assert ModelConfig(cage_subdivisions=subdivisions).cage_vertices == len(icosphere(subdivisions)[0])
+
+
+def test_weights_from_before_the_setting_of_box_blocks_are_read_as_they_were_made() -> None:
+    values = preset("kp-red-plus", "chair").to_dict()
+    del values["box_blocks"]
+    assert ModelConfig.from_dict(values).box_blocks == 1
+    assert ModelConfig.from_dict({**values, "partial_blocks": 0}).box_blocks == 0

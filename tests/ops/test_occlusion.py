@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from kpred.ops.occlusion import depth_scan, random_directions, resample_visible, slice_by_plane
+from kpred.ops import nearest_neighbours, sample_surface
+from kpred.ops.occlusion import depth_scan, random_directions, resample_visible, slice_by_plane, visible_to_camera
 
 BOX = (
     torch.tensor([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]),
@@ -159,3 +160,28 @@ def test_units_and_place_of_the_mesh_do_not_matter() -> None:
         1000 * vertices + shift, BOX[1], 1000 * camera + shift, 300, 64, generator=torch.Generator().manual_seed(1)
     )
     torch.testing.assert_close((far - shift) / 1000, near, rtol=0, atol=1e-9)
+
+
+def test_points_that_hide_each_other_show_what_the_exact_scan_shows(generator: torch.Generator) -> None:
+    parts = [
+        BOX[0] * torch.tensor([0.9, 0.05, 0.9]),
+        BOX[0] * torch.tensor([0.1, 0.4, 0.1]) - torch.tensor([0, 0.45, 0]),
+    ]
+    vertices, faces = torch.cat(parts), torch.cat([BOX[1], BOX[1] + 8])
+    cloud = sample_surface(vertices, faces, 16384, generator)[0]
+    cameras = torch.tensor([[2.0, 1.5, 3.0], [0.5, -2.5, 2.0], [-3.0, 1.6, 0.2]])
+    visible = visible_to_camera(cloud.expand(3, -1, -1), cameras, 48)
+    for seen, camera in zip(visible, cameras, strict=True):
+        exact = depth_scan(vertices, faces, camera, 6000, resolution=160, generator=generator)
+        extra = nearest_neighbours(cloud[seen][None], exact[None])[0].sqrt()
+        missed = nearest_neighbours(exact[None], cloud[seen][None])[0].sqrt()
+        assert (extra > 0.08).float().mean() < 0.01 and (missed > 0.08).float().mean() < 0.01
+
+
+def test_what_a_camera_sees_does_not_depend_on_place_or_unit(generator: torch.Generator) -> None:
+    cloud = sample_surface(*BOX, 8192, generator)[0][None]
+    camera = torch.tensor([[2.0, 1.0, 2.5]])
+    seen = visible_to_camera(cloud, camera, 32)
+    moved = visible_to_camera(cloud * 40 + 7, camera * 40 + 7, 32)
+    assert (seen != moved).float().mean() < 0.002
+    assert 0.3 < seen.float().mean() < 0.6

@@ -17,7 +17,7 @@ from kpred.training.run import new_network
 MODEL = ModelConfig(category="table", width=16, token_size=8, region_points=16)
 STAGE = StageConfig(steps=5, batch=2)
 TRAIN = TrainConfig(
-    deformation=STAGE, retrieval=STAGE, partial=STAGE, points=96, keypoint_points=64, warmup=1, late_step=3, views=1,
+    deformation=STAGE, retrieval=STAGE, partial=STAGE, points=96, keypoint_points=64, warmup=1, late_step=3,
     checkpoint_every=2,
 )  # fmt: skip
 
@@ -45,7 +45,7 @@ def pack_file(pack: MeshPack, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def data(pack: MeshPack) -> TrainingData:
-    return prepare([pack], new_network(MODEL, 0), TRAIN.points, seed=0, views=1)
+    return prepare([pack], new_network(MODEL, 0), TRAIN.points, seed=0)
 
 
 @pytest.fixture

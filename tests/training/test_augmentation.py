@@ -6,12 +6,13 @@ import numpy as np
 import torch
 
 from kpred.fitting.upright import yaw_rotation
+from kpred.ops import sample_surface
 from kpred.training.augmentation import (
     box_of,
     disturbed,
-    random_depth_scans,
     random_factors,
     random_slices,
+    random_views,
     to_unit_box,
     yaw_matrices,
 )
@@ -61,10 +62,11 @@ def test_a_camera_from_above_sees_little_of_the_underside(generator: torch.Gener
         [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
          [1, 5, 7], [1, 7, 3]]
     )  # fmt: skip
-    scans = random_depth_scans(corners, box, 6, 300, generator, resolution=48)
+    clouds = torch.stack([sample_surface(corners, box, 16384, generator)[0] for _ in range(6)])
+    scans = random_views(clouds, 300, generator)
     assert scans.shape == (6, 300, 3) and scans.abs().max() < 1.05
     top, bottom = (scans[..., 1] > 0.97).float().mean(), (scans[..., 1] < -0.97).float().mean()
     assert top > 0.1 > bottom
     for scan in scans:
-        sides = [(scan[:, axis] * way > 0.97).float().mean() > 0.05 for axis in (0, 2) for way in (-1, 1)]
+        sides = [(scan[:, axis] * way > 0.97).float().mean() > 0.1 for axis in (0, 2) for way in (-1, 1)]
         assert sum(sides) <= 2, "more sides than one camera can see"

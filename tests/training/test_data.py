@@ -11,14 +11,13 @@ from kpred.ops import icosphere, mean_value_coordinates, nearest_neighbours
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
 from kpred.training.augmentation import random_factors, to_unit_box
-from kpred.training.data import TrainingData, prepare
+from kpred.training.data import POOL_POINTS, TrainingData, prepare
 from kpred.training.run import new_network
 
 
 def test_sizes(data: TrainingData, train_config) -> None:
-    assert data.pool.shape == (4, 4096, 3)
+    assert data.pool.shape == (4, POOL_POINTS, 3)
     assert data.points.shape == (4, train_config.points, 3)
-    assert data.scans.shape == (4, 1, 1024, 3)
     assert data.cages.shape == (4, 42, 3)
     assert data.weights.shape == (4, train_config.points, 42)
     assert data.weights.dtype == torch.float16
@@ -27,7 +26,6 @@ def test_sizes(data: TrainingData, train_config) -> None:
 def test_shapes_fill_their_unit_boxes(data: TrainingData) -> None:
     assert data.pool.abs().amax() <= 1 + 1e-6
     assert (data.pool.abs().amax((1, 2)) > 0.97).all()
-    assert data.scans.abs().amax() <= 1 + 1e-6
 
 
 def test_cached_constants_are_those_computed_anew(data: TrainingData) -> None:
@@ -38,16 +36,16 @@ def test_cached_constants_are_those_computed_anew(data: TrainingData) -> None:
 
 def test_the_same_seed_gives_the_same_data(pack, data, model_config, train_config) -> None:
     network = new_network(model_config, 5)
-    again = prepare([pack], network, train_config.points, seed=0, views=1)
-    other = prepare([pack], network, train_config.points, seed=1, views=1)
+    again = prepare([pack], network, train_config.points, seed=0)
+    other = prepare([pack], network, train_config.points, seed=1)
     for field in dataclasses.fields(TrainingData):
         assert torch.equal(getattr(again, field.name), getattr(data, field.name)), field.name
     assert not torch.equal(other.pool, data.pool)
 
 
 def test_first_pool_points_are_a_fair_sample(data: TrainingData) -> None:
-    for cloud in data.pool:
-        # The mean of 512 of 4096 lies within 5 standard errors of the mean of all.
+    for cloud in data.pool.float():
+        # The mean of 512 points lies within 5 standard errors of the mean of all.
         error = (cloud[:512].mean(0) - cloud.mean(0)).abs()
         assert (error < 5 * cloud.std(0) / 512**0.5).all()
 
@@ -60,7 +58,7 @@ def test_targets_are_whole_shapes_in_their_boxes(data: TrainingData) -> None:
     plain = data.draw_targets(6, 300, 1.0, torch.Generator().manual_seed(0))
     # Unstretched, every target's points are points of one shape of the pool.
     for target in plain:
-        assert min(float(nearest_neighbours(target[None], cloud[None])[0].max()) for cloud in data.pool) == 0
+        assert min(float(nearest_neighbours(target[None], cloud[None])[0].max()) for cloud in data.pool.float()) == 0
         assert len(target.unique(dim=0)) == 300
 
 
@@ -100,7 +98,6 @@ def test_splits_and_unusable_shapes(model_config) -> None:
     pack = _pack(meshes, ["source", "source", "train", "train", "val", "source"])
     data = prepare([pack], network, 64, 0)
     assert (len(data.targets), len(data.sources)) == (3, 3)
-    assert data.scans.shape[:2] == (3, 0)
     only = prepare([pack], network, 64, 0, source_split="source")
     assert (len(only.targets), only.sources.tolist()) == (3, [0, 2])
     with pytest.raises(PackError, match="fewer than two"):

@@ -18,7 +18,7 @@ from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import RecognitionData, prepare_recognition, turn_period
 
 SMALL = RecognizerConfig(width=16, blocks=1)
-CONFIG = RecognitionConfig(optimisation=StageConfig(steps=5, batch=8), points=64, views=1, checkpoint_every=2)
+CONFIG = RecognitionConfig(optimisation=StageConfig(steps=5, batch=8), points=64, checkpoint_every=2)
 
 
 class Stopped(Exception):
@@ -32,7 +32,7 @@ def packs() -> list[MeshPack]:
 
 @pytest.fixture(scope="module")
 def data(packs: list[MeshPack]) -> RecognitionData:
-    return prepare_recognition(packs, 1, 0)
+    return prepare_recognition(packs, 0)
 
 
 def test_other_things_are_of_no_category(data: RecognitionData) -> None:
@@ -117,7 +117,7 @@ def test_it_learns_to_tell_chairs_from_tables(packs: list[MeshPack], tmp_path: P
 
 
 def test_impossible_settings_and_packs_are_refused(packs: list[MeshPack], tmp_path: Path) -> None:
-    for broken in ({"points": 8}, {"views": 0}, {"right": 0.8, "quarter": 0.4}, {"others": -0.1}):
+    for broken in ({"points": 8}, {"right": 0.8, "quarter": 0.4}, {"others": -0.1}):
         with pytest.raises(ConfigError):
             RecognitionConfig(**broken)
     with pytest.raises(PackError, match="too few"):

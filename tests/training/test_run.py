@@ -87,7 +87,6 @@ def test_a_killed_run_ends_as_if_it_had_not_been(tmp_path: Path, pack_file: Path
 
 
 def test_stages_one_by_one_are_as_good_as_all_at_once(tmp_path: Path, pack, model_config, train_config, change) -> None:
-    train_config = change(train_config, views=0, scanned=0.0)  # the scans' random numbers move those of the clouds
     reports: list[tuple[str, int, int]] = []
     together = train(
         [pack], model_config, train_config, tmp_path / "all", report=lambda s, d, t, _: reports.append((s, d, t))

@@ -24,8 +24,8 @@ class ModelConfig:
         heads: attention heads.
         keypoint_head: `regression` from the global feature (the paper's), or `voting`: every point votes for every
             keypoint's place and the votes are averaged by learned weights.
-        partial_blocks: context blocks of the keypoint predictor for partial scans, if it votes; the box predictor has
-            one if this is not 0.
+        partial_blocks: context blocks of the keypoint predictor for partial scans, if it votes.
+        box_blocks: context blocks of the box predictor.
         self_attention: GSA; without it influence and tokens come from one global PointNet feature.
         deformation_aware: DAR; without it the retrieval tokens are trained on reconstruction alone (Psi_1).
         local_global: LGF; without it one global feature is the retrieval token.
@@ -48,6 +48,7 @@ class ModelConfig:
     heads: int = 2
     keypoint_head: Literal["regression", "voting"] = "voting"
     partial_blocks: int = 0
+    box_blocks: int = 0
     self_attention: bool = True
     deformation_aware: bool = True
     local_global: bool = True
@@ -62,8 +63,9 @@ class ModelConfig:
         for name in ("keypoints", "token_size", "region_points", "width", "stages", "heads", "influence_neighbours"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"Model setting {name} must be at least 1, but is {getattr(self, name)}.")
-        if self.partial_blocks < 0:
-            raise ConfigError(f"Model setting partial_blocks must not be negative, but is {self.partial_blocks}.")
+        for name in ("partial_blocks", "box_blocks"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"Model setting {name} must not be negative, but is {getattr(self, name)}.")
         if self.width % self.heads:
             raise ConfigError(f"Model setting width ({self.width}) must be a multiple of heads ({self.heads}).")
         if not 0 < self.radius <= 2:
@@ -88,6 +90,8 @@ class ModelConfig:
         unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
         if unknown:
             raise ConfigError(f"Model config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
+        if "box_blocks" not in values and values.get("partial_blocks"):  # written before there was the setting
+            values = {**values, "box_blocks": 1}
         hints = get_type_hints(cls)
         for name, value in values.items():
             choices = get_args(hints[name])
@@ -107,7 +111,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "region_points": 192,
         "stages": 3,
     },
-    "kp-red-plus": {"partial_blocks": 2},
+    "kp-red-plus": {"partial_blocks": 2, "box_blocks": 2},
 }
 """Named architectures: the paper's, and this project's default."""
 

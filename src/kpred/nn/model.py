@@ -35,7 +35,7 @@ class KPRed(nn.Module):
         self.region_decoder = RegionDecoder(config)
         self.partial_keypoint_predictor = KeypointPredictor(config, config.partial_blocks)
         self.partial_retrieval_encoder = RetrievalEncoder(config)
-        self.box_predictor = BoxPredictor(min(1, config.partial_blocks))
+        self.box_predictor = BoxPredictor(config.box_blocks)
 
     def keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
         """Semantic keypoints of full shapes (Phi_full)."""
@@ -93,7 +93,8 @@ class KPRed(nn.Module):
     def fingerprint(self) -> str:
         """Hash of the config and of the weights (at half precision, as stored) that make tokens and bases."""
         # What only partial scans are read by makes nothing that a database holds.
-        settings = [(key, value) for key, value in sorted(self.config.to_dict().items()) if key != "partial_blocks"]
+        partial = ("partial_blocks", "box_blocks")
+        settings = [(key, value) for key, value in sorted(self.config.to_dict().items()) if key not in partial]
         digest = hashlib.sha256(repr(settings).encode())
         for name in ("keypoint_predictor", "influence_predictor", "retrieval_encoder"):
             for key, value in sorted(getattr(self, name).state_dict().items()):

@@ -30,7 +30,7 @@ class RecognizerConfig:
 
     categories: tuple[str, ...] = ()
     width: int = 128
-    blocks: int = 2
+    blocks: int = 3
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.blocks < 0:

@@ -8,9 +8,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from kpred.ops import depth_scan, slice_by_plane
-from kpred.ops.occlusion import random_directions, resample_visible
-from kpred.ops.typing import Float, Int
+from kpred.ops import slice_by_plane
+from kpred.ops.occlusion import random_directions, resample_visible, visible_to_camera
+from kpred.ops.typing import Float
+
+RESOLUTION = 48
+"""Pixels along a side of the depth images that decide what a camera sees: what stands before what, not fine detail."""
 
 
 def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:
@@ -33,26 +36,27 @@ def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch
     return (clouds - middle) / half
 
 
-def random_depth_scans(
-    vertices: Float[Tensor, "vertices 3"],
-    faces: Int[Tensor, "faces 3"],
-    views: int,
-    points: int,
-    generator: torch.Generator,
-    resolution: int = 96,
-) -> Float[Tensor, "views points 3"]:
-    """What a depth camera sees from random sides, from a little below the middle of the object to steeply above."""
-    found = torch.empty(views, points, 3)
-    for view in range(views):
-        turn, rise, far = torch.rand(3, generator=generator).tolist()
-        azimuth, elevation, distance = 2 * math.pi * turn, math.radians(-5 + 60 * rise), 2.5 + 3 * far
-        level = distance * math.cos(elevation)
-        camera = torch.tensor(
-            [level * math.sin(azimuth), distance * math.sin(elevation), level * math.cos(azimuth)], dtype=torch.float32
-        )
-        seen = depth_scan(vertices, faces, camera, points, resolution=resolution, generator=generator)
-        found[view] = seen[torch.arange(points) % len(seen)]
-    return found
+def random_views(
+    clouds: Float[Tensor, "batch dense 3"], count: int, generator: torch.Generator
+) -> Float[Tensor, "batch count 3"]:
+    """What a depth camera sees of dense clouds from random sides, from a little below their middle to steeply above.
+
+    Points in random order, repeated where less than `count` are seen; frame and unit of the clouds, y up.
+    """
+    turn, rise, far = torch.rand(3, len(clouds), generator=generator, device=clouds.device)
+    azimuth, elevation, distance = 2 * math.pi * turn, torch.deg2rad(-5 + 60 * rise), 2.5 + 3 * far
+    level = distance * elevation.cos()
+    place = torch.stack([level * azimuth.sin(), distance * elevation.sin(), level * azimuth.cos()], dim=1)
+    middle, half = box_of(clouds)
+    visible = visible_to_camera(clouds, middle[:, 0] + half[:, 0] * place, RESOLUTION)
+    # As clouds are in random order, any run of visible points is a fair sample, and takes no sorting.
+    total = visible.sum(1, keepdim=True).clamp(min=1)
+    start = (torch.rand(len(clouds), 1, generator=generator, device=clouds.device) * total).long()
+    slot = torch.where(visible, torch.remainder(visible.cumsum(1) - 1 - start, total), count).clamp(max=count)
+    index = torch.zeros(len(clouds), count + 1, dtype=torch.long, device=clouds.device)
+    index.scatter_(1, slot, torch.arange(clouds.shape[1], device=clouds.device).expand_as(slot))
+    index = torch.gather(index, 1, torch.arange(count, device=clouds.device)[None] % total)
+    return torch.gather(clouds, 1, index[..., None].expand(-1, -1, 3))
 
 
 def random_slices(

@@ -61,7 +61,6 @@ class TrainConfig:
         occlusion: least and greatest share of a target hidden in the partial stage.
         scanned: share of the partial stage's targets seen by a virtual depth camera rather than cut by a plane (0 in
             the paper).
-        views: depth scans prepared per shape.
         box_weight: weight of the whole object's box (0 in the paper, which takes the box as known).
         stretch: targets are scaled per axis by up to this factor and put back in their unit box (1 is off).
         noise: standard deviation of the jitter on partial clouds, unit-box units; each cloud gets up to this.
@@ -93,7 +92,6 @@ class TrainConfig:
     frame_jitter: float = 0.05
     occlusion: tuple[float, float] = (0.25, 0.9)
     scanned: float = 0.5
-    views: int = 4
     box_weight: float = 0.5
     outliers: float = 0.01
     stretch: float = 1.3

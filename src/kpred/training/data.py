@@ -13,13 +13,13 @@ from kpred.nn import KPRed
 from kpred.ops import icosphere, mean_value_coordinates, sample_surface, unit_box_frame
 from kpred.ops.typing import Float
 from kpred.shapes.pack import MeshPack
-from kpred.training.augmentation import box_of, random_depth_scans, random_factors, to_unit_box
+from kpred.training.augmentation import box_of, random_factors, random_views, to_unit_box
 
-POOL_POINTS = 4096
-"""Points kept per shape; every step draws its targets from them."""
+POOL_POINTS = 16384
+"""Points kept per shape; every step draws its targets from them, and what a camera sees of them."""
 
-SCAN_POINTS = 1024
-"""Points kept per depth scan."""
+HULL_POINTS = 4096
+"""Points of a source, of which its cage is made."""
 
 Progress = Callable[[str, int, int], None]
 """Called with (what is being done, done, total)."""
@@ -30,16 +30,13 @@ class TrainingData:
     """Shapes of one category in their unit boxes, with the constants that depend on each shape alone.
 
     Attributes:
-        pool: (shapes, POOL_POINTS, 3) surface points.
+        pool: (shapes, POOL_POINTS, 3) surface points in random order, half precision.
         sources: indices of the shapes that are deformed; targets: those that are deformed to.
-        scans: (shapes, views, points, 3) what a depth camera sees of each shape from random sides, in the unit box of
-            the whole shape; no views unless the partial stage is trained.
         points: (sources, P, 3) the fixed points of each source.
         cages: (sources, cage vertices, 3); weights: (sources, P, cage vertices) mean value coordinates, half precision.
     """
 
     pool: Tensor
-    scans: Tensor
     sources: Tensor
     targets: Tensor
     points: Tensor
@@ -56,24 +53,24 @@ class TrainingData:
     ) -> Float[Tensor, "count points 3"]:
         """Random targets: fresh points from the pool, mirrored and stretched at random, in their own unit boxes."""
         chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
-        clouds = self._fresh(chosen, points, generator)
+        clouds = self._block(self.pool[chosen], points, generator).float()
         return to_unit_box(clouds * random_factors(count, stretch, generator)) if stretch > 1 else clouds
 
     def draw_scanned_targets(
         self, count: int, points: int, stretch: float, generator: torch.Generator
-    ) -> tuple[Float[Tensor, "count points 3"], Float[Tensor, "count seen 3"]]:
-        """Random targets as in `draw_targets`, each with one of its depth scans in the target's unit box."""
+    ) -> tuple[Float[Tensor, "count points 3"], Float[Tensor, "count points 3"]]:
+        """Random targets as in `draw_targets`, each with what a depth camera sees of it, in the target's unit box."""
         chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
-        view = _integers(self.scans.shape[1], count, generator, self.device)
-        clouds, scans = self._fresh(chosen, points, generator), self.scans[chosen, view]
-        factors = random_factors(count, stretch, generator)
-        clouds, scans = clouds * factors, scans * factors
+        dense = self.pool[chosen].float() * random_factors(count, stretch, generator)
+        scans, clouds = random_views(dense, points, generator), self._block(dense, points, generator)
         middle, half = box_of(clouds)
         return (clouds - middle) / half, (scans - middle) / half
 
-    def _fresh(self, chosen: Tensor, points: int, generator: torch.Generator) -> Tensor:
-        pick = torch.rand(len(chosen), POOL_POINTS, generator=generator, device=self.device).argsort(1)[:, :points]
-        return torch.gather(self.pool[chosen], 1, pick[..., None].expand(-1, -1, 3))
+    def _block(self, dense: Tensor, points: int, generator: torch.Generator) -> Tensor:
+        # Points lie in random order, so that any block of them is a fair sample.
+        start = _integers(POOL_POINTS, len(dense), generator, self.device)
+        pick = (start[:, None] + torch.arange(points, device=self.device)) % POOL_POINTS
+        return torch.gather(dense, 1, pick[..., None].expand(-1, -1, 3))
 
     def draw_sources(self, count: int, generator: torch.Generator) -> Tensor:
         """Random rows of `points`, `cages` and `weights`."""
@@ -89,22 +86,18 @@ def prepare(
     source_split: str | None = None,
     progress: Progress | None = None,
     batch: int = 16,
-    views: int = 0,
 ) -> TrainingData:
     """Sample every shape of the splits `source` and `train`, and compute cages and coordinates of the sources.
 
     Args:
         source_split: split whose shapes are deformed (`source` in the paper); None deforms the shapes of both splits,
             since no training split is ever searched at test time.
-        views: depth scans per shape, for the partial stage.
 
     Raises:
         PackError: if fewer than two usable shapes remain.
     """
-    # Scans have a generator of their own: all stages see the same clouds, with scans or without.
-    generator, scan_generator = torch.Generator().manual_seed(seed), torch.Generator().manual_seed(seed + 1)
+    generator = torch.Generator(device=device).manual_seed(seed)
     clouds: list[Tensor] = []
-    scans: list[Tensor] = []
     vertices: list[Tensor] = []
     is_source: list[bool] = []
     total = sum(len(pack) for pack in packs)
@@ -118,22 +111,19 @@ def prepare(
             mesh = pack[index]
             try:
                 frame = unit_box_frame(mesh.vertices)
-                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float()
-                cloud, _ = sample_surface(corners, torch.from_numpy(mesh.faces).long(), POOL_POINTS, generator)
+                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float().to(device)
+                faces = torch.from_numpy(mesh.faces).long().to(device)
+                cloud, _ = sample_surface(corners, faces, POOL_POINTS, generator)
             except (MeshError, ScanError):  # without area, or without size
                 continue
-            shuffle = torch.randperm(POOL_POINTS, generator=generator)
-            clouds.append(cloud[shuffle])
-            scans.append(
-                random_depth_scans(corners, torch.from_numpy(mesh.faces).long(), views, SCAN_POINTS, scan_generator)
-            )
+            clouds.append(cloud.half())
             is_source.append(source_split is None or split == source_split)
             vertices.append(corners)
     if sum(is_source) < 2:
         raise PackError(
             "The mesh packs hold fewer than two shapes to train on; give packs with splits source and train."
         )
-    pool = torch.stack(clouds).to(device)
+    pool = torch.stack(clouds)
     sources = torch.tensor(is_source, device=device).nonzero().squeeze(1)
     faces = icosphere(network.config.cage_subdivisions)[1].to(device)
     cages: list[Tensor] = []
@@ -142,16 +132,15 @@ def prepare(
         if progress:
             progress("cages and mean value coordinates", sum(len(c) for c in cages), len(sources))
         # The cage must hold the mesh's vertices too, which the sample may miss.
-        hull = torch.stack([_with_vertices(pool[row], vertices[int(row)].to(device)) for row in rows])
+        hull = torch.stack([_with_vertices(pool[row, :HULL_POINTS].float(), vertices[int(row)]) for row in rows])
         cage = network.cage(hull)
         cages.append(cage)
-        weights.append(mean_value_coordinates(pool[rows, :points], cage, faces).half())
+        weights.append(mean_value_coordinates(pool[rows, :points].float(), cage, faces).half())
     return TrainingData(
         pool=pool,
-        scans=torch.stack(scans).to(device),
         sources=sources,
         targets=torch.arange(len(pool), device=device),
-        points=pool[sources, :points].contiguous(),
+        points=pool[sources, :points].float(),
         cages=torch.cat(cages),
         weights=torch.cat(weights),
     )

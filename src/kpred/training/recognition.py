@@ -19,7 +19,7 @@ from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MOST_TURN, Recognizer, RecognizerConfig
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
-from kpred.training.augmentation import box_of, disturbed, random_factors, random_slices, yaw_matrices
+from kpred.training.augmentation import box_of, disturbed, random_factors, random_slices, random_views, yaw_matrices
 from kpred.training.config import StageConfig
 from kpred.training.data import Progress
 from kpred.training.loop import StepReport, optimise, resumable
@@ -99,14 +99,14 @@ class RecognitionStage:
     def _seen(self, rows: Tensor, generator: torch.Generator) -> Tensor:
         config, data = self.config, self.data
         options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
-        view = torch.randint(0, data.scans.shape[1], (len(rows),), **options)
         kind = torch.rand(len(rows), 1, 1, **options)
-        start = torch.randint(0, data.clouds.shape[1], (1,), **options)
-        pick = (torch.arange(config.points, device=data.clouds.device) + start) % data.clouds.shape[1]
-        whole, scanned = data.clouds[rows], data.scans[rows, view][:, pick]
-        cut = random_slices(whole[:, : 2 * config.points], (0.2, 0.7), generator)[:, : config.points]
+        dense = data.clouds[rows].float()
+        whole, scanned = dense[:, : 2 * config.points], random_views(dense, config.points, generator)
+        cut = random_slices(whole, (0.2, 0.7), generator)[:, : config.points]
         return torch.where(
-            kind < config.sliced, cut, torch.where(kind < config.sliced + config.whole, whole[:, pick], scanned)
+            kind < config.sliced,
+            cut,
+            torch.where(kind < config.sliced + config.whole, whole[:, : config.points], scanned),
         )
 
     def _with_floor(self, clouds: Tensor, generator: torch.Generator) -> Tensor:
@@ -161,7 +161,7 @@ def train_recognizer(
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
     """
-    data = prepare_recognition(packs, config.views, config.seed, device, progress)
+    data = prepare_recognition(packs, config.seed, device, progress)
     architecture = dataclasses.replace(model or RecognizerConfig(), categories=data.categories)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)

@@ -17,7 +17,6 @@ class RecognitionConfig:
     Attributes:
         optimisation: steps, batch, rate.
         points: points of each cloud.
-        views: depth scans prepared per shape.
         right, quarter, tilted: shares of clouds that stand right, turned by about 90, 180 or 270 degrees, and lying or
             upside down; the rest is turned at random.
         others: share of things that are of no category.
@@ -31,7 +30,6 @@ class RecognitionConfig:
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=5000, batch=48))
     points: int = 256
-    views: int = 3
     right: float = 0.45
     quarter: float = 0.35
     tilted: float = 0.1
@@ -49,8 +47,8 @@ class RecognitionConfig:
     compile: bool = False
 
     def __post_init__(self) -> None:
-        if self.points < 64 or self.views < 1:
-            raise ConfigError("Recognition needs at least 64 points a cloud and 1 view a shape; raise points or views.")
+        if self.points < 64:
+            raise ConfigError(f"Recognition needs at least 64 points a cloud, but points = {self.points}.")
         for shares in ((self.right, self.quarter, self.tilted), (self.sliced, self.whole), (self.others,)):
             if min(shares) < 0 or sum(shares) > 1:
                 raise ConfigError(f"Shares must not be negative or add up to more than 1, but are {shares}.")

@@ -1,4 +1,4 @@
-"""Training data of the recognizer: clouds and depth scans of all categories, of other things, and their symmetries."""
+"""Training data of the recognizer: dense clouds of all categories, of other things, and their symmetries."""
 
 from __future__ import annotations
 
@@ -14,17 +14,14 @@ from kpred.errors import MeshError, PackError, ScanError
 from kpred.ops import nearest_neighbours, sample_surface, unit_box_frame
 from kpred.ops.typing import Float, Int
 from kpred.shapes.pack import MeshPack
-from kpred.training.augmentation import random_depth_scans, yaw_matrices
-from kpred.training.data import Progress
-
-CLOUD_POINTS = 1024
-"""Points kept of each shape and of each of its depth scans."""
-
-RESOLUTION = 64
-"""Pixels along a side of the depth pictures that scans are made from: what stands before what, not fine detail."""
+from kpred.training.augmentation import yaw_matrices
+from kpred.training.data import POOL_POINTS, Progress
 
 OTHER = "other"
 """Category of packs of things that are of none of the categories."""
+
+SYMMETRY_POINTS = 1024
+"""Points of each of the two samples that tell a shape's symmetry."""
 
 TURN_TOLERANCE = 0.025
 STRAY_DISTANCE = 0.12
@@ -39,14 +36,13 @@ class RecognitionData:
 
     Attributes:
         categories: names; `category` (shapes,) is an index into them, or their number for other things.
-        clouds: (shapes, P, 3) whole surfaces, scans: (shapes, views, P, 3) depth scans; in the whole shape's unit box.
+        clouds: (shapes, P, 3) dense whole surfaces, points in random order, in each shape's unit box; half precision.
         period: (shapes,) smallest turn about y that maps the shape onto itself: 2 pi, pi, pi / 2, or 0 if round.
     """
 
     categories: tuple[str, ...]
     category: Int[Tensor, " shapes"]
     clouds: Float[Tensor, "shapes points 3"]
-    scans: Float[Tensor, "shapes views points 3"]
     period: Float[Tensor, " shapes"]
 
     def draw(self, count: int, others: float, generator: torch.Generator) -> Int[Tensor, " count"]:
@@ -62,7 +58,6 @@ class RecognitionData:
 
 def prepare_recognition(
     packs: Sequence[MeshPack],
-    views: int,
     seed: int,
     device: torch.device | str = "cpu",
     progress: Progress | None = None,
@@ -72,9 +67,9 @@ def prepare_recognition(
     Raises:
         PackError: if there are fewer than two usable shapes, or no category beside other things.
     """
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch.Generator(device=device).manual_seed(seed)
     categories = tuple(sorted({pack.category for pack in packs} - {OTHER}))
-    clouds, scans, category, period = [], [], [], []
+    clouds, category, period = [], [], []
     total = sum(len(pack) for pack in packs)
     done = 0
     for pack in packs:
@@ -88,22 +83,21 @@ def prepare_recognition(
             mesh = pack[index]
             try:
                 frame = unit_box_frame(mesh.vertices)
-                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float()
-                faces = torch.from_numpy(mesh.faces).long()
-                cloud = sample_surface(corners, faces, 2 * CLOUD_POINTS, generator)[0]
+                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float().to(device)
+                faces = torch.from_numpy(mesh.faces).long().to(device)
+                cloud = sample_surface(corners, faces, POOL_POINTS, generator)[0]
             except (ScanError, MeshError):
                 continue
-            clouds.append(cloud[:CLOUD_POINTS])
-            scans.append(random_depth_scans(corners, faces, views, CLOUD_POINTS, generator, RESOLUTION))
+            clouds.append(cloud.half())
             category.append(kind)
-            period.append(turn_period(cloud[:CLOUD_POINTS], cloud[CLOUD_POINTS:]) if kind < len(categories) else 0.0)
+            two = cloud[: 2 * SYMMETRY_POINTS].chunk(2)
+            period.append(turn_period(*two) if kind < len(categories) else 0.0)
     if len(clouds) < 2 or not categories:
         raise PackError("The mesh packs hold too few shapes to recognize; give packs with splits source and train.")
     return RecognitionData(
         categories,
         torch.tensor(category, device=device),
-        torch.stack(clouds).to(device),
-        torch.stack(scans).to(device),
+        torch.stack(clouds),
         torch.tensor(period, device=device),
     )
 
@@ -111,7 +105,7 @@ def prepare_recognition(
 def turn_period(cloud: Float[Tensor, "points 3"], again: Float[Tensor, "points 3"]) -> float:
     """Smallest turn about y that maps a shape onto itself, of two samples of it: 2 pi, pi, pi / 2, or 0 if round."""
     middle = (cloud.amin(0) + cloud.amax(0)) / 2
-    angles = torch.tensor([0.0, math.pi, math.pi / 2, math.pi / 4, math.pi / 6])
+    angles = torch.tensor([0.0, math.pi, math.pi / 2, math.pi / 4, math.pi / 6], device=cloud.device)
     turned = (again - middle) @ yaw_matrices(angles).mT
     here = (cloud - middle).expand(len(angles), -1, -1)
     forth, back = nearest_neighbours(here, turned)[0], nearest_neighbours(turned, here)[0]

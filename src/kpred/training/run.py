@@ -75,9 +75,8 @@ def train(
             )
         network.load_state_dict(checkpoint.weights)
     network.to(device)
-    views = config.views if "partial" in stages else 0
     with _made(folder):
-        data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress, views=views)
+        data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress)
     for stage in order:
         if stage in stages:
             train_stage(network, data, config, stage, folder, report=report, resume=resume)

@@ -272,13 +272,12 @@ class PartialStage(FrozenDeformer):
     def _partial_targets(self, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Full targets and what is seen of them: some cut by a plane (the paper), some seen by a depth camera."""
         config, data, batch = self.config, self.data, self.settings.batch
-        scanned = round(config.scanned * batch) if data.scans.shape[1] else 0
+        scanned = round(config.scanned * batch)
         target = data.draw_targets(batch - scanned, config.points, config.stretch, generator)
         seen = random_slices(target, config.occlusion, generator)
         if scanned:
             whole, scans = data.draw_scanned_targets(scanned, config.points, config.stretch, generator)
-            pick = torch.arange(config.points, device=data.device) % scans.shape[1]
-            target, seen = torch.cat([target, whole]), torch.cat([seen, scans[:, pick]])
+            target, seen = torch.cat([target, whole]), torch.cat([seen, scans])
         return target, disturbed(seen, config.noise, config.outliers, generator)
 
 

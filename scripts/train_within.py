@@ -1,0 +1,177 @@
+"""Train one network of the bundled model in a given time, on a machine with nothing but torch, numpy and safetensors.
+
+    python scripts/train_within.py recognizer PACKS/*.npz -o RUN --seconds 400
+    python scripts/train_within.py kp-red-plus PACKS/chair*.npz -o RUN --seconds 400
+    python scripts/train_within.py kp-red PACKS/chair*.npz -o RUN --seconds 400
+
+Every stage's steps are timed first, as fast as they are beside all else that runs, so that the schedule comes to its
+end in time. How many steps came of it stands in RUN/model/training.json; with it, `kpred train` does the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import dataclasses
+import json
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from kpred.nn import KPRed, Recognizer, RecognizerConfig, save_recognizer
+from kpred.nn.config import preset
+from kpred.shapes.pack import MeshPack
+from kpred.training.config import PAPER, StageConfig, TrainConfig
+from kpred.training.data import prepare
+from kpred.training.loop import optimise, train_stage
+from kpred.training.recognition import RecognitionStage
+from kpred.training.recognition_config import RecognitionConfig
+from kpred.training.recognition_data import prepare_recognition
+from kpred.training.run import new_network
+
+SHARES = {"deformation": 0.35, "retrieval": 0.2, "partial": 0.45}
+"""Of the time that is left after the data are prepared."""
+
+PROBE, SETTLE = 40, 10
+SAFETY = 0.93
+
+PLUS = TrainConfig(
+    deformation=StageConfig(batch=32),
+    retrieval=StageConfig(batch=32),
+    partial=StageConfig(batch=32),
+    ranking_weight=0.5,
+    checkpoint_every=100_000,
+)
+RECOGNITION = RecognitionConfig(optimisation=StageConfig(batch=192), points=320, checkpoint_every=100_000)
+
+
+def main() -> None:
+    """Parse the arguments and train."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["recognizer", "kp-red-plus", "kp-red"])
+    parser.add_argument("packs", nargs="+", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--seconds", type=float, required=True)
+    parser.add_argument("--limit", type=int, default=None, help="shapes a pack, for a trial")
+    arguments = parser.parse_args()
+    end = time.monotonic() + arguments.seconds
+    torch.set_float32_matmul_precision("high")
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    packs = [_head(MeshPack.load(path), arguments.limit) for path in arguments.packs]
+    (train_recognizer if arguments.what == "recognizer" else train_category)(
+        arguments.what, packs, arguments.output, end, device
+    )
+
+
+def train_category(what: str, packs: list[MeshPack], folder: Path, end: float, device: torch.device) -> None:
+    """All stages of one category's networks, by `end` on the monotonic clock."""
+    model = preset(what, packs[0].category)
+    config = PLUS if what == "kp-red-plus" else dataclasses.replace(PAPER, checkpoint_every=100_000)
+    network = new_network(model, config.seed).to(device)
+    began = time.monotonic()
+    data = prepare(packs, network, config.points, config.seed, device, batch=64)
+    _say(folder, f"{len(data.targets)} shapes, prepared in {time.monotonic() - began:.0f} s")
+    shares = dict(SHARES)
+    for stage in SHARES:
+        seconds = (end - time.monotonic()) * shares[stage] / sum(shares.values())
+        del shares[stage]
+        a_step = _seconds_a_step(network, data, config, stage)
+        steps = max(PROBE, int((seconds - 2 * PROBE * a_step) / a_step * SAFETY))
+        config = dataclasses.replace(config, **{stage: dataclasses.replace(getattr(config, stage), steps=steps)})
+        _say(folder, f"{stage}: {1000 * a_step:.1f} ms a step, {steps} steps")
+        losses: dict[str, float] = {}
+        report = partial(_keep, losses)
+        train_stage(network, data, config, stage, folder, report, log=False)
+        _say(folder, f"{stage}: {losses}")
+        record = {
+            "model": model.to_dict(),
+            "stages": [name for name in SHARES if name not in shares],
+            "start_from": None,
+            "training": config.to_dict(),
+            "shapes": {"packs": [len(p) for p in packs], "sources": len(data.sources), "targets": len(data.targets)},
+        }
+        _write(folder / "model" / "training.json", record)
+    _say(folder, f"{end - time.monotonic():.0f} s left")
+
+
+def train_recognizer(what: str, packs: list[MeshPack], folder: Path, end: float, device: torch.device) -> None:
+    """The recognizer, by `end` on the monotonic clock."""
+    began = time.monotonic()
+    data = prepare_recognition(packs, RECOGNITION.seed, device)
+    _say(folder, f"{len(data.clouds)} shapes, prepared in {time.monotonic() - began:.0f} s")
+    architecture = RecognizerConfig(categories=data.categories)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(RECOGNITION.seed)
+        network = Recognizer(architecture).to(device)
+    probe = RecognitionStage(copy.deepcopy(network), data, RECOGNITION)
+    a_step = _timed(probe, device)
+    steps = max(PROBE, int((end - time.monotonic()) / a_step * SAFETY))
+    _say(folder, f"recognition: {1000 * a_step:.1f} ms a step, {steps} steps")
+    config = dataclasses.replace(RECOGNITION, optimisation=dataclasses.replace(RECOGNITION.optimisation, steps=steps))
+    losses: dict[str, float] = {}
+    report = partial(_keep, losses)
+    work = RecognitionStage(network, data, config)
+    optimise(work, None, folder, device, 3, report, log=False)
+    save_recognizer(network, folder / "model")
+    numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
+    record = {
+        "model": architecture.to_dict(),
+        "start_from": None,
+        "training": config.to_dict(),
+        "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),
+    }
+    _write(folder / "model" / "training.json", record)
+    _say(folder, f"recognition: {losses}; {end - time.monotonic():.0f} s left")
+
+
+def _keep(losses: dict[str, float], _stage: str, _done: int, _total: int, values: dict[str, float]) -> None:
+    losses.update(values)
+
+
+def _seconds_a_step(network: KPRed, data: Any, config: TrainConfig, stage: str) -> float:
+    from kpred.training.stages import STAGE_CLASSES
+
+    config = dataclasses.replace(config, warmup=0)
+    return _timed(STAGE_CLASSES[stage](copy.deepcopy(network), data, config), data.device)
+
+
+def _timed(work: Any, device: torch.device) -> float:
+    """Median-like time of a training step: the mean of all but the first."""
+    began = 0.0
+    with tempfile.TemporaryDirectory() as scratch:
+
+        def report(_stage: str, done: int, _total: int, _losses: dict[str, float]) -> None:
+            nonlocal began
+            if done == SETTLE:
+                began = time.monotonic()
+
+        settings = dataclasses.replace(work.settings, steps=PROBE)
+        field = "optimisation" if isinstance(work, RecognitionStage) else work.name
+        work.config = dataclasses.replace(work.config, **{field: settings})
+        optimise(work, None, Path(scratch), device, 0, report, log=False)
+    return (time.monotonic() - began) / (PROBE - SETTLE)
+
+
+def _head(pack: MeshPack, limit: int | None) -> MeshPack:
+    if limit is None or len(pack) <= limit:
+        return pack
+    meshes = [pack[i] for i in range(limit)]
+    names, splits = [str(x) for x in pack.model_id[:limit]], [str(x) for x in pack.split[:limit]]
+    return MeshPack.from_meshes(meshes, names, splits, pack.category)
+
+
+def _say(folder: Path, line: str) -> None:
+    print(f"{folder.name}: {line}", flush=True)
+
+
+def _write(path: Path, values: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(values, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
