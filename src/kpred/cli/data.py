@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
+from kpred.cli.data_infinigen import InfinigenCommand
 from kpred.cli.data_sets import CheckCommand, PrepareCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
@@ -105,4 +106,5 @@ COMMAND: dict[str, type[Command]] = {
     "info": InfoCommand,
     "check": CheckCommand,
     "prepare": PrepareCommand,
+    "infinigen": InfinigenCommand,
 }

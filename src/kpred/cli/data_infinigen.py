@@ -1,0 +1,86 @@
+"""`kpred data infinigen`: furniture of Infinigen's factories as a mesh pack."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+
+
+@dataclass(frozen=True, kw_only=True)
+class InfinigenCommand(Command):
+    """Make furniture with Infinigen's factories, without a window, and write it as a mesh pack.
+
+    Infinigen and Blender live in an environment of their own, whose Python --python names (docs/datasets.md says how
+    to make it). Shapes are kept one by one beside the pack (FILE.shapes): a run that was stopped goes on.
+
+    examples:
+      kpred data infinigen chair -n 100 -o chair.npz --python infinigen/bin/python
+      kpred data infinigen cabinet -n 950 --workers 2 -o cabinet.npz --python infinigen/bin/python
+    """
+
+    category: Annotated[Positional[Literal["chair", "table", "cabinet"]], arg(metavar="CATEGORY")]
+    """chair, table or cabinet"""
+    output: Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
+    """The pack to write (.npz)"""
+    count: Annotated[int, arg(aliases=["-n"], metavar="N")] = 100
+    """How many shapes"""
+    seed: Annotated[int, arg(metavar="SEED")] = 0
+    """Factory and seed of shape i depend on category, seed and i alone"""
+    python: Annotated[Path, arg(metavar="FILE")] = Path(sys.executable)
+    """Python that has infinigen; without it, the one that runs kpred"""
+    workers: Annotated[int, arg(metavar="N")] = 1
+    """Processes, each with a Blender of its own (2 GB)"""
+    most_faces: Annotated[int, arg(metavar="N")] = 3000
+    """Triangles that a shape is reduced to"""
+
+    def run(self, output: Output) -> None:
+        """Make with a progress bar, write, print the numbers."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.errors import OutputError
+        from kpred.shapes.atomic import check_place
+        from kpred.shapes.infinigen import generate_infinigen
+
+        if self.output.suffix.lower() != ".npz":
+            raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")
+        check_place(self.output)
+        folder = self.output.with_name(f"{self.output.name}.shapes")
+        try:
+            with ProgressBar() as bar:
+                done = generate_infinigen(
+                    self.category,
+                    self.count,
+                    folder,
+                    self.seed,
+                    self.python,
+                    self.workers,
+                    self.most_faces,
+                    bar.update,
+                )
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(f"{folder} keeps what was made, and the same command goes on") from error
+        done.pack.save(self.output)
+        splits = dict(sorted(Counter(done.pack.split.tolist()).items()))
+        output.result(
+            {
+                "path": self.output,
+                "category": self.category,
+                "shapes": len(done.pack),
+                "splits": splits,
+                "made": done.made,
+                "kept": done.kept,
+                "failed": [vars(lack) for lack in done.failed],
+            }
+        )
+        counts = Counter(done.pack.extra["factory"].tolist())
+        output.table(f"{self.output}: {self.category}", ["factory", "shapes"], sorted(counts.items()))
+        output.note(f"{done.made} shapes made, {done.kept} kept from before, {len(done.failed)} failed")
+        for lack in done.failed[:10]:
+            output.note(f"failed: {lack.name}: {lack.why}")
