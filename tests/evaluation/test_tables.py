@@ -10,10 +10,18 @@ import pytest
 
 from kpred.errors import ConfigError, OutputError, PackError
 from kpred.evaluation import evaluate
-from kpred.evaluation.searched import content_hash
+from kpred.evaluation.frame_protocol import measure_fits
+from kpred.evaluation.scan_outcomes import Fitting
+from kpred.evaluation.searched import content_hash, searched
+from kpred.evaluation.surfaces import Surface
 from kpred.evaluation.table_data import ALL, Series, Subject, Table, merged, read_table, write_table
 from kpred.evaluation.tables import TableConfig, make_table
+from kpred.evaluation.target_lists import read_target_list
+from kpred.evaluation.targets import read_targets
+from kpred.fitting import RefineConfig, fit
 from kpred.nn import Model
+from kpred.shapes.mesh import Mesh
+from kpred.shapes.pack import MeshPack
 from kpred.training.run import new_network
 
 CONFIG = TableConfig("full", top_k=(4,))
@@ -97,19 +105,22 @@ def test_a_kept_database_gives_the_same_values_and_is_not_built_again(
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_the_frame_that_must_be_found_costs_something_and_all_is_measured_in_the_true_box(
-    packs: dict[str, Path], model: Model
-) -> None:
-    config = TableConfig("partial", top_k=(4,), occlusions=(0.0,), unknown_frame=True, limit=2)
-    table = make_table([packs["chair"]], {"m": model}, config)
-    known, unknown, refined = (
-        table.cell(_series(table, "m", method), "generated", "chair")
-        for method in ("fit_known_frame", "fit_unknown_frame", "refined")
-    )
-    assert known is not None and unknown is not None and refined is not None
-    # The same result, but for another sample of its surface.
-    assert known.value == pytest.approx(refined.value, rel=0.5)
-    assert unknown.value < 1.0  # a mesh in the wrong frame would be metres away
+def test_fits_are_measured_on_their_meshes_in_the_true_box(packs: dict[str, Path], model: Model) -> None:
+    target = read_targets(MeshPack.load(packs["chair"]), "p", "val", 1, 0, pytest.fail)[0]
+    cloud = target.visible(0.5)
+    with searched([packs["chair"]], model, None, 0, None, pytest.fail) as store:
+        how = Fitting(model, store, 4, 0)
+        scores = measure_fits(target, "chair", how, RefineConfig(), "partial", 0.5, pytest.fail)
+        found = fit(cloud.numpy(), model, store, "chair", 4, "known", partial=True, clean=False)
+    values = {score.metric: score.value for score in scores}
+    assert set(values) == {f"fit_{frame}_frame{ending}" for frame in ("known", "unknown") for ending in ("", "_whole")}
+    surface = Surface(found.mesh, 0)
+    seen, whole = (float((surface.distances(points.numpy()) ** 2).mean()) for points in (cloud, target.points))
+    # 2048 points stand for the surface, so that the distance is a little larger.
+    assert seen < values["fit_known_frame"] < seen + 0.005
+    assert whole < values["fit_known_frame_whole"] < whole + 0.005
+    # In the wrong frame it would be metres away.
+    assert values["fit_unknown_frame"] < 0.5
 
 
 def test_all_means_every_category(table: Table) -> None:
@@ -143,3 +154,62 @@ def test_impossible_arguments(packs: dict[str, Path], model: Model, tmp_path: Pa
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="Cannot make the folder"):
         make_table([packs["chair"]], {"m": model}, CONFIG, cache=tmp_path / "file" / "cache")
+
+
+def test_targets_can_be_named_and_names_that_are_not_there_are_counted(
+    packs: dict[str, Path], model: Model, table: Table, tmp_path: Path
+) -> None:
+    chosen = [subject for subject in table.subjects() if subject.category == "chair"][:2]
+    lines = ["synsetId,modelId,split", *(f"1,{one.model_id},val" for one in chosen), "1,gone,val", "1,other,train"]
+    (tmp_path / "split.csv").write_text("\n".join(lines))
+    only = read_target_list(tmp_path / "split.csv", "val")
+    assert only == {*(one.model_id for one in chosen), "gone"}
+    told: list[str] = []
+    config = replace(CONFIG, only=only)
+    # No table is named: its pack is left out.
+    found = make_table(list(packs.values()), {"one": model}, config, report=told.append)
+    assert told == ["1 of 3 named targets are in no pack's 'val': gone."]
+    assert found.subjects() == chosen
+    for series in found.values:
+        assert found.values[series] == pytest.approx({one: table.values[series][one] for one in chosen}, rel=1e-6)
+    (file, *_) = write_table(found, tmp_path / "table.json")
+    assert read_target_list(file, "val") == {one.model_id for one in chosen}
+    (tmp_path / "ids.txt").write_text(f"# two\n{chosen[0].model_id}\n\n{chosen[1].model_id}\n")
+    assert read_target_list(tmp_path / "ids.txt", "val") == {one.model_id for one in chosen}
+    with pytest.raises(PackError, match="None of the 1 named targets"):
+        make_table([packs["chair"]], {"one": model}, replace(CONFIG, only=frozenset({"gone"})))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.csv", "synset,model\n1,2\n", "no column modelId; its columns are synset, model"),
+        ("a.csv", "modelId,split\n1,train\n", "names no target of the split 'val'"),
+        ("a.txt", "\n# nothing\n", "names no target"),
+        ("a.json", "{}", "not a table"),
+    ],
+)
+def test_lists_that_name_no_targets(tmp_path: Path, name: str, text: str, words: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(PackError, match=words):
+        read_target_list(tmp_path / name, "val")
+    with pytest.raises(PackError, match="cannot be read"):
+        read_target_list(tmp_path / f"none_{name}", "val")
+
+
+def test_corrupt_meshes_are_left_out_counted_and_told_once(
+    packs: dict[str, Path], model: Model, table: Table, tmp_path: Path
+) -> None:
+    pack = MeshPack.load(packs["chair"])
+    flat = Mesh(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32), "flat")
+    meshes, splits = [*pack, flat, flat], [*pack.split.tolist(), "source", "val"]
+    ids = [*pack.model_id.tolist(), "flat_source", "flat_val"]
+    MeshPack.from_meshes(meshes, ids, splits, "chair").save(tmp_path / "chair.npz")
+    told: list[str] = []
+    found = make_table([tmp_path / "chair.npz"], {"a": model, "b": model}, CONFIG, report=told.append)
+    assert sorted("flat_source" in sentence for sentence in told) == [False, True]
+    assert found.header["remarks"] == told
+    assert len(found.subjects()) == 3
+    chairs = {one.model_id: value for one, value in table.values[_series(table, "one", "refined")].items()}
+    for subject, value in found.values[_series(found, "a", "refined")].items():
+        assert value == pytest.approx(chairs[subject.model_id], rel=1e-6)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 class _MeasuredCommand(PackTableCommand, ModelOptions):
     """Tables that measure the targets of packs by one plan."""
 
+    targets: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Only the targets named in this file: another table (.json), a split file (.csv with modelId and split), or one id
+    a line"""
+
     def config(self) -> TableConfig:
         """The plan."""
         raise NotImplementedError
@@ -35,15 +40,18 @@ class _MeasuredCommand(PackTableCommand, ModelOptions):
         """Measure with a progress bar, print and write."""
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.tables import make_table
+        from kpred.evaluation.target_lists import read_target_list
 
         self.check()
-        models, databases = self.named_models(), self.named_databases()
+        models, databases, config = self.named_models(), self.named_databases(), self.config()
+        if self.targets is not None:
+            config = replace(config, only=read_target_list(self.targets, self.split))
         began = time.perf_counter()
         with ProgressBar() as bar:
             table = make_table(
                 self.packs,
                 models,
-                self.config(),
+                config,
                 databases,
                 cache=self.cache,
                 progress=bar.update,

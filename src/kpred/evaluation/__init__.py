@@ -20,19 +20,29 @@ if TYPE_CHECKING:
     from kpred.evaluation.scans import ScansReport as ScansReport
     from kpred.evaluation.scans import evaluate_scans as evaluate_scans
     from kpred.evaluation.scene_targets import evaluate_scenes as evaluate_scenes
+    from kpred.evaluation.table_data import Table as Table
+    from kpred.evaluation.table_data import read_table as read_table
+    from kpred.evaluation.table_data import write_table as write_table
+    from kpred.evaluation.tables import TableConfig as TableConfig
+    from kpred.evaluation.tables import make_table as make_table
 
 _HOME = {
     "Row": "rows",
     "ScansReport": "scans",
     "Score": "rows",
+    "Table": "table_data",
+    "TableConfig": "tables",
     "aggregate": "rows",
     "evaluate": "run",
     "evaluate_crops": "real",
     "evaluate_scans": "scans",
     "evaluate_scenes": "scene_targets",
+    "make_table": "tables",
     "read_crops": "real",
+    "read_table": "table_data",
     "run_header": "run",
     "write_rows": "rows",
+    "write_table": "table_data",
 }
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -40,6 +40,7 @@ class Plan:
         baselines: whether what needs no model is measured.
         unknown_frame: whether fits that must find the frame are measured beside fits that know it.
         cache: folder that keeps the databases that are built.
+        only: ids of the targets, where they are named.
     """
 
     top_k: tuple[int, ...]
@@ -52,6 +53,7 @@ class Plan:
     baselines: bool = True
     unknown_frame: bool = False
     cache: Path | None = None
+    only: frozenset[str] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +160,7 @@ def open_pack(
         ConfigError: the databases of the models hold different shapes.
     """
     category, name = source.pack.category, f"{source.dataset}/{source.pack.category}"
-    targets = read_targets(source.pack, str(source.file), plan.split, plan.limit, plan.seed, report)
+    targets = read_targets(source.pack, str(source.file), plan.split, plan.limit, plan.seed, report, plan.only)
     with ExitStack() as stack:
         stores: dict[str, Database] = {}
         for model_name, model in models.items():

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from kpred.errors import ConfigError
+from kpred.errors import ConfigError, PackError
 from kpred.evaluation.header import made_by, versions
 from kpred.evaluation.measuring import (
     Plan,
@@ -30,6 +30,7 @@ from kpred.evaluation.ranking import add_rankings
 from kpred.evaluation.rows import FRAME, UNIT
 from kpred.evaluation.searched import SOURCE_SPLIT, Progress, content_hash
 from kpred.evaluation.table_data import Series, Subject, Table
+from kpred.evaluation.target_lists import listed
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
 
@@ -52,6 +53,7 @@ class TableConfig:
         oracle: compare all of the database too.
         unknown_frame: fit every target too where its frame must be found.
         refinement: for the models and for the baseline alike.
+        only: ids of the targets, where they are named (`kpred.evaluation.target_lists`).
     """
 
     kind: str = "full"
@@ -63,6 +65,7 @@ class TableConfig:
     oracle: bool = False
     unknown_frame: bool = False
     refinement: RefineConfig = field(default_factory=RefineConfig)
+    only: frozenset[str] | None = None
 
     @property
     def steps(self) -> tuple[tuple[str, float], ...]:
@@ -94,6 +97,7 @@ class TableConfig:
             baselines=baselines,
             unknown_frame=self.unknown_frame,
             cache=cache,
+            only=self.only,
         )
 
 
@@ -137,11 +141,26 @@ def make_table(
         remarks.append(sentence)
         report(sentence)
 
+    sources = _named_in(sources, config, tell)
     table = Table(header_of(loaded, sources, config, stores) | {"remarks": remarks})
     add = add_rankings if config.kind == "oracle" else add_measured
     for source, facts in zip(sources, table.header["data"], strict=True):
         facts["searched"] = add(table, source, loaded, stores, plan, progress, tell)
     return table
+
+
+def _named_in(sources: list[SourcePack], config: TableConfig, report: Callable[[str], None]) -> list[SourcePack]:
+    """The packs that have a named target; names that no pack has are counted and listed."""
+    if config.only is None:
+        return sources
+    there = [set(one.pack.model_id[one.pack.indices(config.split)].tolist()) & config.only for one in sources]
+    absent = sorted(config.only - set().union(*there))
+    if absent:
+        report(f"{len(absent)} of {len(config.only)} named targets are in no pack's '{config.split}': {listed(absent)}")
+    found = [one for one, mine in zip(sources, there, strict=True) if mine]
+    if not found:
+        raise PackError(f"None of the {len(config.only)} named targets is in the split '{config.split}' of a pack.")
+    return found
 
 
 def add_measured(
@@ -211,6 +230,7 @@ def protocol_of(config: TableConfig) -> dict[str, Any]:
     """All settings that a value depends on, beside model and data."""
     values = asdict(config)
     values["top_k"], values["occlusions"] = list(config.top_k), list(config.occlusions)
+    values["only"] = None if config.only is None else sorted(config.only)
     if config.kind in ("full", "topk", "scan2cad"):
         values.pop("occlusions")
     return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,9 +56,17 @@ def make_target(mesh: Mesh, model_id: str, seed: int) -> Target:
 
 
 def read_targets(
-    pack: MeshPack, name: str, split: str, limit: int | None, seed: int, report: Callable[[str], None]
+    pack: MeshPack,
+    name: str,
+    split: str,
+    limit: int | None,
+    seed: int,
+    report: Callable[[str], None],
+    only: Collection[str] | None = None,
 ) -> list[Target]:
     """The targets of one split; with `limit` a random subset by seed, and a smaller limit gives a part of a larger's.
+
+    With `only`, those of these ids alone.
 
     Shapes without a surface go to `report` as one sentence and are left out.
 
@@ -67,7 +75,7 @@ def read_targets(
         ConfigError: the limit is below 1.
     """
     targets = []
-    for row in chosen_rows(pack, split, limit, seed):
+    for row in chosen_rows(pack, split, limit, seed, only):
         try:
             targets.append(make_target(pack[row], str(pack.model_id[row]), seed))
         except MeshError as error:
@@ -77,8 +85,12 @@ def read_targets(
     return targets
 
 
-def chosen_rows(pack: MeshPack, split: str, limit: int | None, seed: int) -> list[int]:
+def chosen_rows(
+    pack: MeshPack, split: str, limit: int | None, seed: int, only: Collection[str] | None = None
+) -> list[int]:
     """Positions in the pack of one split's shapes; with `limit` a random subset by seed, nested in a larger limit's.
+
+    With `only`, those of these ids alone.
 
     Raises:
         ConfigError: the limit is below 1.
@@ -86,6 +98,8 @@ def chosen_rows(pack: MeshPack, split: str, limit: int | None, seed: int) -> lis
     if limit is not None and limit < 1:
         raise ConfigError(f"The limit of targets must be at least 1, but is {limit}.")
     rows = pack.indices(split)
+    if only is not None:
+        rows = rows[np.isin(pack.model_id[rows], list(only))]
     if limit is not None:
         rows = np.sort(np.random.default_rng(seed).permutation(rows)[:limit])
     return [int(row) for row in rows]
