@@ -3,6 +3,7 @@
 import math
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from kpred.evaluation import evaluate, run_header
 from kpred.evaluation.measuring import pack_files, steps_of
 from kpred.evaluation.rows import Row
 from kpred.evaluation.targets import Target, read_targets
-from kpred.fitting import fit
+from kpred.fitting import RefineConfig, fit
 from kpred.nn import Model, ModelConfig
 from kpred.shapes import MeshPack, open_shapes
 from kpred.training.run import new_network
@@ -75,18 +76,25 @@ def _as_fit_sees_them(points: torch.Tensor) -> np.ndarray:
     return given
 
 
-@pytest.mark.parametrize("refine", [False, True])
+@pytest.mark.parametrize(
+    ("metric", "arguments"),
+    [
+        ("feed_forward", {"refine": False}),
+        ("refined", {"refinement": RefineConfig(cage="never")}),
+        ("refined_cage", {}),
+    ],
+)
 def test_full_numbers_are_those_of_the_fit(
-    rows: list[Row], packs: dict[str, Path], model: Model, database: Path, refine: bool
+    rows: list[Row], packs: dict[str, Path], model: Model, database: Path, metric: str, arguments: dict[str, Any]
 ) -> None:
     errors = []
     with Database.open(database) as store:
         for target in _targets(packs, "chair"):
             points = _as_fit_sees_them(target.points)
-            found = fit(points, model, store, "chair", 4, "known", refine, partial=False)
+            found = fit(points, model, store, "chair", 4, "known", partial=False, **arguments)
             # Of equals a fit takes the least deformed; the evaluation takes the lowest error.
             errors.append(min(candidate.final_error for candidate in found.candidates))
-    measured = _value(rows, "refined" if refine else "feed_forward", "chair", 4)
+    measured = _value(rows, metric, "chair", 4)
     assert measured == pytest.approx(sum(errors) / len(errors), rel=1e-4)
 
 
@@ -96,7 +104,8 @@ def test_partial_numbers_are_those_of_the_fit(
     errors, whole = [], []
     with Database.open(database) as store:
         for target in _targets(packs, "table"):
-            found = fit(_as_fit_sees_them(target.visible(0.5)), model, store, "table", 4, "known", True, partial=True)
+            cloud, refinement = _as_fit_sees_them(target.visible(0.5)), RefineConfig(cage="never")
+            found = fit(cloud, model, store, "table", 4, "known", partial=True, refinement=refinement)
             best = min(found.candidates, key=lambda candidate: candidate.final_error)
             errors.append(best.final_error)
             entry = store.entry(best.model_id)

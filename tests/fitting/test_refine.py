@@ -232,8 +232,8 @@ def test_candidates_carry_their_boxes(source: tuple, box: str) -> None:
     assert (refined.errors() < found.errors()).all()
     for row in range(3):
         alone = refined.take(torch.tensor([row])).deformed()[0]
-        moved = (points[row] + basis[row] @ refined.displacement[row]).numpy()
+        source, own = points[row].double().numpy(), basis[row].double().numpy()
         assert torch.allclose(alone, refined.deformed()[row], atol=1e-5)
-        assert np.allclose(refined.placed(row, moved), alone, atol=1e-5)
+        assert np.allclose(refined.result_of(row, source, own), alone, atol=1e-5)
     again = refined.refined(config, torch.tensor([0, 2]))
     assert (again.errors() <= 1.05 * refined.errors()[[0, 2]]).all()

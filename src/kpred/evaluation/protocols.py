@@ -11,6 +11,7 @@ Metrics, each the best of the models compared:
     undeformed_retrieved the models retrieved by tokens, as they are
     feed_forward         models retrieved by tokens, deformed by the network's keypoints (the published protocol)
     refined              the same after keypoint refinement
+    refined_cage         the same with a cage around the best of them refined too: what a fit gives by default
     oracle_...           the same with all of the database in place of the retrieved models
 """
 
@@ -26,6 +27,7 @@ from kpred.evaluation.baselines import CHUNK, NoLearning, undeformed_errors
 from kpred.evaluation.rows import CD, NO_LEARNING, RETRIEVED, UCD, UCD_WHOLE, UNDEFORMED, WHOLE, Score
 from kpred.evaluation.targets import Target
 from kpred.fitting import RefineConfig
+from kpred.fitting.cage_refinement import with_cages
 from kpred.fitting.candidates import Candidates, retrieve
 from kpred.fitting.choice import order
 from kpred.fitting.observation import observe
@@ -92,6 +94,8 @@ def measure_cloud(
         sheet.best(RETRIEVED, replace(nearest, displacement=torch.zeros_like(nearest.displacement)), bench.top_k)
         sheet.best("feed_forward", nearest, bench.top_k)
         sheet.best_refined("refined", nearest, bench)
+        if bench.refinement.has_cage(partial):
+            sheet.best_with_cages("refined_cage", nearest, bench)
         if bench.oracle:
             sheet.add("oracle_feed_forward", _best_of_all(found, None))
             sheet.add("oracle_refined", _best_of_all(found, bench.refinement))
@@ -125,7 +129,7 @@ class _Sheet:
         for k in top_k:
             first = torch.arange(min(k, len(errors)))
             # The published protocol takes the lowest error; a refined partial scan's result is chosen as a fit does.
-            refined = self.whole is not None and metric == "refined"
+            refined = self.whole is not None and metric in ("refined", "refined_cage")
             row = torch.tensor(order(candidates.take(first), errors[first])[0]) if refined else errors[:k].argmin()
             self.add(metric, float(errors[row]), top_k=k)
             if self.whole is not None:
@@ -138,6 +142,13 @@ class _Sheet:
         for k in bench.top_k:
             first = torch.arange(min(k, len(candidates.points)))
             self.best(metric, candidates.refined(bench.refinement, first), (k,))
+
+    def best_with_cages(self, metric: str, candidates: Candidates, bench: Bench) -> None:
+        """The best of the first k, keypoints refined, then cages, as a fit of top k does."""
+        for k in bench.top_k:
+            refined = candidates.refined(bench.refinement, torch.arange(min(k, len(candidates.points))))
+            caged, _ = with_cages(refined, refined.errors(), bench.database, bench.refinement)
+            self.best(metric, caged, (k,))
 
 
 def _best_of_all(candidates: Candidates, refinement: RefineConfig | None) -> float:

@@ -14,6 +14,7 @@ from kpred.fitting.observation import Observation
 from kpred.fitting.refine import Hints, Refined, refine_candidates
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.reflection import reflect
+from kpred.fitting.warp import Warp
 from kpred.ops import squared_distances
 from kpred.ops.typing import Float
 
@@ -30,6 +31,8 @@ class Candidates:
         keypoints: (K, 3) that the network expects of the whole object, where a network said so.
         sensors: (S, 3) where the scanner stood, where it is known.
         scale, shift: (C, 3) of the candidates' boxes; the box stays as it is (1 and 0) where none are given.
+        warps: of the candidates that a cage was refined of, in place of displacement, scale and shift; None for others.
+        warped: (C, N, 3) the results of all, if there are warps.
     """
 
     model_ids: tuple[str, ...]
@@ -45,9 +48,13 @@ class Candidates:
     sensors: Tensor | None = None
     scale: Tensor | None = None
     shift: Tensor | None = None
+    warps: tuple[Warp | None, ...] | None = None
+    warped: Tensor | None = None
 
     def deformed(self) -> Tensor:
-        """S + B d, in its own box: scale * (S + B d) + shift, (C, N, 3)."""
+        """S + B d, in its own box: scale * (S + B d) + shift, or as its cage warps it, (C, N, 3)."""
+        if self.warped is not None:
+            return self.warped
         moved = self.points + self.basis @ self.displacement
         if self.scale is not None:
             moved = self.scale[:, None] * moved
@@ -86,7 +93,16 @@ class Candidates:
             return torch.zeros(len(self.model_ids))
         return free_space_errors(self.deformed(), self.target, self.sensors)
 
-    def placed(self, row: int, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
+    def result_of(
+        self, row: int, points: Float[np.ndarray, "points 3"], basis: Float[np.ndarray, "points keypoints"]
+    ) -> Float[np.ndarray, "points 3"]:
+        """Where points of one row's model go, those of its mesh say, with their own deformation basis; unit box."""
+        warp = None if self.warps is None else self.warps[row]
+        if warp is not None:
+            return warp(points)
+        return self._placed(row, points + basis @ self.displacement[row].numpy().astype(np.float64))
+
+    def _placed(self, row: int, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
         """Points of the deformed model of one row, put into the candidate's own box; all in the unit box."""
         scaled = points if self.scale is None else points * self.scale[row].numpy()
         return scaled if self.shift is None else scaled + self.shift[row].numpy()
@@ -110,7 +126,8 @@ class Candidates:
         )
 
     def _moved(self, refined: Refined) -> Candidates:
-        return replace(self, displacement=refined.displacement, scale=refined.scale, shift=refined.shift)
+        moved = replace(self, displacement=refined.displacement, scale=refined.scale, shift=refined.shift)
+        return moved if self.warps is None else replace(moved, warps=None, warped=None)
 
     def take(self, rows: Tensor) -> Candidates:
         """The candidates of these rows, in their order."""
@@ -124,6 +141,8 @@ class Candidates:
             displacement=self.displacement[rows],
             scale=None if self.scale is None else self.scale[rows],
             shift=None if self.shift is None else self.shift[rows],
+            warps=None if self.warps is None else tuple(self.warps[row] for row in chosen),
+            warped=None if self.warped is None else self.warped[rows],
         )
 
 

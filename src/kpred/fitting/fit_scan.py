@@ -15,6 +15,7 @@ import trimesh
 
 from kpred.database import Database
 from kpred.errors import ConfigError
+from kpred.fitting.cage_refinement import with_cages
 from kpred.fitting.choice import order as least_risk_order
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
@@ -150,9 +151,13 @@ def fit(
     refined_errors = None
     if refine:
         with clock("refine"):
-            refined = chosen.candidates.refined(refinement or RefineConfig())
+            refinement = refinement or RefineConfig()
+            refined = chosen.candidates.refined(refinement)
             refined_errors = refined.errors()
-            chosen = replace(chosen, candidates=refined)
+        with clock("cage"):
+            if refinement.has_cage(bool(partial)):
+                refined, refined_errors = with_cages(refined, refined_errors, store, refinement)
+        chosen = replace(chosen, candidates=refined)
     with clock("choose"):
         errors = feed_forward if refined_errors is None else refined_errors
         order = _order(chosen, errors + chosen.candidates.free_space_errors())
@@ -161,8 +166,8 @@ def fit(
         meshes = _meshes(chosen, candidates[0], order[0], store)
         metrics = _metrics(chosen, candidates[0], order[0], known)
         rest = store.candidates(chosen.category, [candidates[0].model_id]).keypoints[0]
-        moved = chosen.candidates.placed(order[0], rest + candidates[0].displacement)
-        keypoints = chosen.frame.from_unit(moved.astype(np.float64))
+        moved = chosen.candidates.result_of(order[0], rest.astype(np.float64), np.eye(len(rest)))
+        keypoints = chosen.frame.from_unit(moved)
         if partial and floor is not None and not known:
             up_direction = chosen.frame.rotation[1]
             lowest = float((meshes[0].vertices @ up_direction).min())
@@ -273,10 +278,10 @@ def _meshes(
     """The deformed mesh and the retrieved one, both in the scan's frame and units."""
     entry = database.entry(best.model_id)
     vertices = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
-    moved = vertices + entry.vertex_basis.astype(np.float64) @ best.displacement.astype(np.float64)
+    moved = chosen.candidates.result_of(row, vertices, entry.vertex_basis.astype(np.float64))
     place = chosen.frame.from_unit
     return (
-        trimesh.Trimesh(place(chosen.candidates.placed(row, moved)), entry.mesh.faces, process=False),
+        trimesh.Trimesh(place(moved), entry.mesh.faces, process=False),
         trimesh.Trimesh(place(vertices), entry.mesh.faces, process=False),
     )
 

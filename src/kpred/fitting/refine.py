@@ -160,9 +160,14 @@ def _unseen_normal(basis: Tensor, guess: Tensor, goal: Tensor) -> Tensor:
     step = 2 if guess.shape[1] > 256 else 1
     few = guess[:, ::step].contiguous()
     squared, _ = nearest_neighbours(few, goal)
-    share = squared.square() / (squared.square() + UNSEEN_DISTANCE**4) / few.shape[1]
+    share = unseen_share(squared) / few.shape[1]
     rows = basis[:, ::step]
     return rows.transpose(1, 2) @ (rows * share[..., None])
+
+
+def unseen_share(squared: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+    """How surely points of a result are unseen, in [0, 1], by their squared distances from the scan (unit box)."""
+    return squared.square() / (squared.square() + UNSEEN_DISTANCE**4)
 
 
 def _out_of_free_space(

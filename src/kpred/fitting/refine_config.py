@@ -10,7 +10,7 @@ from kpred.errors import ConfigError
 
 @dataclass(frozen=True)
 class RefineConfig:
-    """How keypoints are refined.
+    """How keypoints are refined, and after them a cage around the best candidates.
 
     Weights are against that of the scan's points, which is 1 in all.
 
@@ -28,6 +28,11 @@ class RefineConfig:
         box: what is refined of the candidate's box: nothing, its place and size, or its place and each axis' size.
         box_prior: weight of the pull of the box's shift and of its scale, less 1, toward 0.
         finalists: candidates that are refined to the end; the others stop after a few quick rounds.
+        cage: which scans' results are refined by a cage after the keypoints (`kpred.fitting.cage_refinement`).
+        cage_finalists: candidates of a full scan that get a cage; of a partial scan one does.
+        cage_iterations: rounds of nearest neighbours and least squares of a cage.
+        cage_smoothness: weight of the cage's stiffness; cage_symmetry: of its not being mirror symmetric.
+        cage_robust: as `robust`, for the cage.
     """
 
     iterations: int = 8
@@ -41,12 +46,23 @@ class RefineConfig:
     box: Literal["fixed", "similarity", "per_axis"] = "fixed"
     box_prior: float = 0.03
     finalists: int = 5
+    cage: Literal["always", "full", "never"] = "always"
+    cage_finalists: int = 2
+    cage_iterations: int = 6
+    cage_smoothness: float = 1e-6
+    cage_symmetry: float = 1e-4
+    cage_robust: float = 20.0
+
+    def has_cage(self, partial: bool) -> bool:
+        """Whether the result of such a scan is refined by a cage."""
+        return self.cage == "always" or (self.cage == "full" and not partial)
 
     def __post_init__(self) -> None:
-        for name in ("iterations", "points", "finalists"):
+        for name in ("iterations", "points", "finalists", "cage_finalists", "cage_iterations"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"Refinement setting {name} must be at least 1, but is {getattr(self, name)}.")
-        for name in ("prior", "unseen", "free_space", "reflection", "robust", "box_prior"):
+        weights = ("prior", "unseen", "free_space", "reflection", "robust", "box_prior")
+        for name in (*weights, "cage_smoothness", "cage_symmetry", "cage_robust"):
             if not getattr(self, name) >= 0:
                 raise ConfigError(f"Refinement setting {name} must not be negative, but is {getattr(self, name)}.")
         if not 0 <= self.trim < 1:
