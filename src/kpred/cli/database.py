@@ -12,7 +12,7 @@ from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
-DatabasePath = Annotated[Positional[Path], arg(metavar="DATABASE")]
+DatabasePath = Annotated[Positional[str], arg(metavar="DATABASE")]
 Source = Annotated[Positional[Path], arg(metavar="PACK_OR_FOLDER")]
 
 
@@ -31,7 +31,7 @@ class _Encoding(Command):
     seed: Annotated[int, arg(metavar="SEED")] = 0
     """Of the points sampled on the models"""
 
-    def encode(self, output: Output, source: Path, file: Path, resume: bool) -> None:
+    def encode(self, output: Output, source: Path, file: str, resume: bool) -> None:
         """Encode the shapes of `source` into `file`, with a progress bar, and print what was done."""
         from kpred.cli.progress import ProgressBar
         from kpred.database import Database, build_database
@@ -40,7 +40,7 @@ class _Encoding(Command):
         from kpred.shapes import open_shapes
 
         unreadable: list[str] = []
-        is_new = not file.exists()
+        is_new = not Database.exists(file)
         shapes = open_shapes(source, self.category, self.split, report=unreadable.append)
         model = load_model(self.model)
         try:
@@ -60,7 +60,7 @@ class _Encoding(Command):
         except BaseException as error:
             if is_new:
                 _drop_if_empty(file)
-            if isinstance(error, KeyboardInterrupt) and resume and file.exists():
+            if isinstance(error, KeyboardInterrupt) and resume and Database.exists(file):
                 raise KeyboardInterrupt(f"{file} is whole, and the same command goes on with it") from error
             raise
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
@@ -92,8 +92,8 @@ class BuildCommand(_Encoding):
 
     source: Source
     """Mesh pack (.npz), folder of packs, or folder of .obj .glb .gltf .ply .stl .off files"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
-    """The database to write (.kpred)"""
+    output: Annotated[str, arg(aliases=["-o"], metavar="FILE")]
+    """The database to write: a file (.kpred) or postgresql://user@host/name"""
     resume: Annotated[bool, arg(help_behavior_hint="")] = True
     """Build anew beside an existing file and take its place at the end"""
 
@@ -112,15 +112,16 @@ class AddCommand(_Encoding):
     """
 
     file: DatabasePath
-    """An existing database"""
+    """An existing database: a file or postgresql://user@host/name"""
     source: Source
     """Mesh pack (.npz), folder of packs, or folder of meshes"""
 
     def run(self, output: Output) -> None:
         """Add and print the numbers."""
+        from kpred.database import Database
         from kpred.errors import DatabaseError
 
-        if not self.file.exists():
+        if not Database.exists(self.file):
             raise DatabaseError(f"{self.file}: there is no such database; `kpred database build` makes one.")
         self.encode(output, self.source, self.file, resume=True)
 
@@ -134,7 +135,7 @@ class RemoveCommand(Command):
     """
 
     file: DatabasePath
-    """An existing database"""
+    """An existing database: a file or postgresql://user@host/name"""
     model_ids: Annotated[Positional[tuple[str, ...]], arg(metavar="MODEL_ID [MODEL_ID ...]", help_behavior_hint="")]
     """Ids of the models"""
 
@@ -160,7 +161,7 @@ class InfoCommand(Command):
     """
 
     file: DatabasePath
-    """An existing database"""
+    """An existing database: a file or postgresql://user@host/name"""
     ids: Annotated[bool, arg(help_behavior_hint="")] = False
     """List the ids of the models too"""
 
@@ -192,7 +193,7 @@ class SearchCommand(Command):
     """
 
     file: DatabasePath
-    """An existing database"""
+    """An existing database: a file or postgresql://user@host/name"""
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
     """Point cloud or mesh of one object"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
@@ -221,18 +222,49 @@ class SearchCommand(Command):
         output.table(f"models for {self.scan}", list(rows[0]), [list(row.values()) for row in rows])
 
 
-def _drop_if_empty(file: Path) -> None:
-    """Take back a database that was made for a build which then put nothing into it."""
+def _drop_if_empty(place: str) -> None:
+    """Take back a file that was made for a build which then put nothing into it; a server's tables stay."""
     from kpred.database import Database
     from kpred.errors import DatabaseError
 
     try:
-        with Database.open(file, read_only=True) as database:
-            empty = not len(database)
+        with Database.open(place, read_only=True) as database:
+            file, empty = database.path, not len(database)
     except DatabaseError:
         return
-    if empty:
+    if empty and isinstance(file, Path):
         file.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CopyCommand(Command):
+    """Copy a database into another, from a file to a server or back, and compare the two.
+
+    A copy that was stopped goes on where it was when the same command is given again. Models that only TARGET has stay.
+
+    examples:
+      kpred database copy mine.kpred postgresql://me@host/models
+      kpred database copy postgresql://me@host/models mine.kpred
+    """
+
+    source: Annotated[Positional[str], arg(metavar="SOURCE")]
+    """An existing database: a file or postgresql://user@host/name"""
+    target: Annotated[Positional[str], arg(metavar="TARGET")]
+    """Where to copy it; made where there is none"""
+    batch: Annotated[int, arg(metavar="N")] = 64
+    """Models copied in one transaction"""
+
+    def run(self, output: Output) -> None:
+        """Copy, compare, and print the numbers."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.database import copy_database
+
+        if self.batch < 1:
+            raise UsageError("--batch must be at least 1.")
+        with ProgressBar() as bar:
+            report = copy_database(self.source, self.target, batch=self.batch, progress=bar.update)
+        output.result({"source": self.source, "target": self.target, **report.__dict__})
+        output.note(f"{report.copied} copied, {report.present} already there, all {report.verified} are the same")
 
 
 COMMAND: dict[str, type[Command]] = {
@@ -241,4 +273,5 @@ COMMAND: dict[str, type[Command]] = {
     "remove": RemoveCommand,
     "info": InfoCommand,
     "search": SearchCommand,
+    "copy": CopyCommand,
 }

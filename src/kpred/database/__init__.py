@@ -11,16 +11,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from kpred.database.build import BuildReport as BuildReport
     from kpred.database.build import build_database as build_database
+    from kpred.database.candidates import Candidates as Candidates
+    from kpred.database.copy import CopyReport as CopyReport
+    from kpred.database.copy import copy_database as copy_database
     from kpred.database.encode import deformation_basis as deformation_basis
     from kpred.database.encode import encode_models as encode_models
     from kpred.database.entry import Entry as Entry
     from kpred.database.search import SearchResult as SearchResult
-    from kpred.database.store import Candidates as Candidates
     from kpred.database.store import Database as Database
 
 _HOME = {
     "BuildReport": "build",
-    "Candidates": "store",
+    "CopyReport": "copy",
+    "copy_database": "copy",
+    "Candidates": "candidates",
     "Database": "store",
     "Entry": "entry",
     "SearchResult": "search",

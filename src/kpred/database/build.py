@@ -10,6 +10,7 @@ from pathlib import Path
 
 from kpred.database.connection import check_replaceable, explained
 from kpred.database.encode import PreparedMesh, encode_prepared, prepare_mesh
+from kpred.database.postgres_home import is_address
 from kpred.database.store import Database
 from kpred.errors import DatabaseError, MeshError
 from kpred.nn import KPRed
@@ -53,7 +54,7 @@ def build_database(
     categories that the model does not know, are left out and listed. The split is recorded as metadata.
 
     Args:
-        path: the file, made when it does not exist.
+        path: the file or the server's address; made when there is no database.
         shapes: read one at a time.
         model: a `kpred.nn.Model`, or a mapping from category to network.
         batch: models encoded together.
@@ -64,18 +65,20 @@ def build_database(
     Raises:
         DatabaseError: the file is not a database, was made by other weights, is locked or cannot be written.
     """
-    target = Path(path)
     if batch < 1:
-        raise DatabaseError(f"Database {target}: a batch needs at least 1 model, not {batch}.")
-    if resume or not target.exists():
-        database = Database.open(target) if target.exists() else Database.create(target)
-        with database:
+        raise DatabaseError(f"Database {path}: a batch needs at least 1 model, not {batch}.")
+    there = Database.exists(path)
+    if resume or not there:
+        with Database.open(path) if there else Database.create(path) as database:
             return _Build(database, model, batch, seed, progress).run(shapes)
+    if is_address(path):
+        raise DatabaseError(f"Database {path} is on a server and cannot be built anew; drop its schema kpred first.")
+    target = Path(path)
     check_replaceable(target)
     with explained(target), tempfile.TemporaryDirectory(prefix=".kpred-", dir=target.parent) as folder:
         with Database.create(Path(folder) / target.name) as database:
             report = _Build(database, model, batch, seed, progress).run(shapes)
-        os.replace(database.path, target)
+        os.replace(Path(folder) / target.name, target)
     return report
 
 

@@ -1,20 +1,17 @@
-"""From entries to rows and back, inside a transaction of the caller."""
+"""From rows to entries and arrays, inside a transaction of the caller."""
 
 from __future__ import annotations
 
 import secrets
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from sqlalchemy import Connection, CursorResult, Select, func, insert, select, text, update
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy import Connection, Select, func, select, update
 
-from kpred.database.entry import DamagedArray, Entry, pack_arrays, pack_frame, unpack_array, unpack_frame
-from kpred.database.home import Added
+from kpred.database.entry import DamagedArray, Entry, unpack_array, unpack_frame
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
-from kpred.errors import DatabaseError
 from kpred.shapes.mesh import Mesh
 
 _CHUNK = 500
@@ -31,41 +28,6 @@ class FittingArrays:
     keypoints: np.ndarray
     points: np.ndarray
     point_basis: np.ndarray
-
-
-def insert_entry(connection: Connection, entry: Entry, model_name: str) -> Added:
-    """Add one entry, and its category where it is the first of it.
-
-    Raises DatabaseError: the id is taken, or the category's tokens are of other weights or another shape.
-    """
-    category = _category(connection, entry, model_name)
-    try:
-        made = connection.execute(
-            insert(ModelRow).values(
-                model_id=entry.model_id,
-                category_id=category,
-                meta=dict(entry.metadata),
-                frame=pack_frame(entry.frame),
-                vertex_count=len(entry.mesh.vertices),
-                face_count=len(entry.mesh.faces),
-                point_count=len(entry.points),
-            )
-        )
-    except IntegrityError as error:
-        raise DatabaseError(
-            f"it holds {entry.model_id} already; remove it first, or give the new one another id."
-        ) from error
-    number = _key(made)
-    connection.execute(
-        insert(DescriptorRow).values(
-            model=number,
-            keypoints=np.asarray(entry.keypoints).astype("<f4").tobytes(),
-            tokens=np.asarray(entry.tokens).astype("<f2").tobytes(),
-        )
-    )
-    rows = [{"model": number, "name": name, **columns} for name, columns in pack_arrays(entry).items()]
-    connection.execute(insert(ArrayRow), rows)
-    return Added(number, category, np.asarray(entry.tokens))
 
 
 def read_entry(connection: Connection, model_id: str) -> Entry | None:
@@ -198,36 +160,6 @@ def chunks(values: Sequence[Value]) -> Iterator[list[Value]]:
     """`values` in lists short enough for one SQL `IN`."""
     for start in range(0, len(values), _CHUNK):
         yield list(values[start : start + _CHUNK])
-
-
-def _category(connection: Connection, entry: Entry, model_name: str) -> int:
-    row = connection.execute(select(CategoryRow).where(CategoryRow.name == entry.category)).one_or_none()
-    count, size = entry.tokens.shape
-    if row is None:
-        columns = {"name": entry.category, "fingerprint": entry.fingerprint, "model_name": model_name}
-        values = {**columns, "keypoint_count": count, "token_size": size}
-        # Another who writes on a server may have made it meanwhile.
-        marks = ", ".join(f":{name}" for name in values)
-        statement = f"INSERT INTO category ({', '.join(values)}) VALUES ({marks}) ON CONFLICT (name) DO NOTHING"
-        connection.execute(text(statement), values)
-        row = connection.execute(select(CategoryRow).where(CategoryRow.name == entry.category)).one()
-    if entry.fingerprint != row.fingerprint:
-        raise DatabaseError(
-            f"its {row.name} tokens were made by weights {row.fingerprint or 'unnamed'}, {entry.model_id} was encoded "
-            f"by {entry.fingerprint or 'unnamed'}; encode it with the same model, or build the database again."
-        )
-    if (count, size) != (row.keypoint_count, row.token_size):
-        raise DatabaseError(
-            f"its {row.name} tokens have shape ({row.keypoint_count}, {row.token_size}), {entry.model_id} has "
-            f"({count}, {size}); encode it with the same model."
-        )
-    return int(row.id)
-
-
-def _key(made: CursorResult[Any]) -> int:
-    key = made.inserted_primary_key
-    assert key is not None
-    return int(key[0])
 
 
 def _read_arrays(

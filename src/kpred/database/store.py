@@ -6,7 +6,6 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from threading import RLock
 from types import TracebackType
@@ -16,6 +15,7 @@ import numpy as np
 from sqlalchemy import Connection, delete, func, select
 
 from kpred import __version__
+from kpred.database.candidates import Candidates
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
 from kpred.database.home import Home, Progress
@@ -24,7 +24,6 @@ from kpred.database.rows import (
     FittingArrays,
     chunks,
     find_rows,
-    insert_entry,
     read_entry,
     read_fitting_arrays,
     renew_epoch,
@@ -32,6 +31,7 @@ from kpred.database.rows import (
 from kpred.database.schema import CategoryRow, InfoRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result
 from kpred.database.sqlite_home import SqliteHome
+from kpred.database.stored import StoredModel, insert_stored, read_stored, stored
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
 
@@ -42,19 +42,6 @@ Value = TypeVar("Value")
 
 _CACHED_MODELS = 4096
 """Models whose points and basis are kept in memory: about 120 kB each."""
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """What fitting needs of M models of one category, as float32 arrays in the unit box of each model."""
-
-    model_ids: tuple[str, ...]
-    keypoints: np.ndarray
-    """(M, K, 3)"""
-    points: np.ndarray
-    """(M, N, 3)"""
-    point_basis: np.ndarray
-    """(M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints)"""
 
 
 class Database:
@@ -145,21 +132,25 @@ class Database:
         pending = list(entries)
         for entry in pending:
             entry.check()
-        return self._steadily(lambda lost: self._add(pending, model_name, lost))
+        return self.add_stored([stored(entry, model_name) for entry in pending])
 
-    def _add(self, entries: list[Entry], model_name: str, lost: bool) -> int:
+    def add_stored(self, models: Sequence[StoredModel]) -> int:
+        """Put models of another database into this one in one transaction, to the bit; otherwise like `add`."""
+        return self._steadily(lambda lost: self._add(models, lost))
+
+    def _add(self, models: Sequence[StoredModel], lost: bool) -> int:
         with self._transaction(write=True) as connection:
             # A connection that was lost while committing leaves open whether it did.
-            if lost and entries and len(find_rows(connection, [entry.model_id for entry in entries])) == len(entries):
-                return len(entries)
+            if lost and models and len(find_rows(connection, [model.model_id for model in models])) == len(models):
+                return len(models)
             added = []
-            for entry in entries:
+            for model in models:
                 try:
-                    added.append(insert_entry(connection, entry, model_name))
+                    added.append(insert_stored(connection, model))
                 except DatabaseError as error:
                     raise DatabaseError(f"Database {self.path}: {error}") from error
             self._home.added(connection, added)
-        return len(entries)
+        return len(models)
 
     def remove(self, model_ids: Iterable[str]) -> int:
         """Take models out of the file in one transaction and return their number.
@@ -215,6 +206,16 @@ class Database:
         if entry is None:
             raise self._unknown([model_id])
         return entry
+
+    def stored(self, model_ids: Sequence[str]) -> list[StoredModel]:
+        """All that is stored of models, in the order of `model_ids`, for another database to take over."""
+        with self._transaction() as connection:
+            found: dict[str, StoredModel] = {}
+            for chunk in chunks(model_ids):
+                found |= read_stored(connection, chunk)
+        if len(found) < len(set(model_ids)):
+            raise self._unknown([name for name in model_ids if name not in found])
+        return [found[name] for name in model_ids]
 
     def candidates(self, category: str, model_ids: Sequence[str] | None = None) -> Candidates:
         """Keypoints, points and point bases of models of one category (all when None), in the order of `model_ids`.
