@@ -1,0 +1,139 @@
+"""`kpred train peer` and `kpred evaluate peers`: trained, measured, written, refused; and the methods' own laws."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from kpred.cli.main import FAILED, OK, USAGE, main
+from kpred.evaluation.methods import Sources
+from kpred.evaluation.methods.peers import KeypointDeformerMethod, Uy2021Method
+from kpred.fitting import RefineConfig
+from kpred.nn.peers import KeypointDeformer, Uy2021, load_peers
+from kpred.shapes.pack import MeshPack
+from kpred.shapes.synthetic.generator import generate
+
+SHORT = ["--optimisation.steps", "3", "--optimisation.batch", "2", "--points", "96", "--warmup", "1"]
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight tables: five sources, one to train on, two targets."""
+    tables = generate("table", 8, seed=4, splits=False)
+    splits = ["source"] * 5 + ["train"] + ["val"] * 2
+    file = tmp_path_factory.mktemp("packs") / "table.npz"
+    MeshPack.from_meshes(list(tables), list(tables.model_id), splits, "table").save(file)
+    return file
+
+
+@pytest.fixture(scope="module")
+def runs(pack: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    for peer in ("keypoint-deformer", "uy2021"):
+        assert main(["train", "peer", peer, str(pack), "-o", str(folder / peer / "table"), *SHORT]) == OK
+    return folder
+
+
+def test_peers_are_measured_beside_the_baselines(
+    pack: Path, runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    methods = ["--method", f"kd={runs / 'keypoint-deformer'}", "--method", f"uy={runs / 'uy2021' / 'table'}"]
+    out = tmp_path / "rows.json"
+    line = ["evaluate", "peers", str(pack), *methods, "--refined-peers", "--top-k", "1", "4", "-o", str(out), "--json"]
+    assert main(line) == OK
+    said = json.loads(capsys.readouterr().out)
+    written = json.loads(out.read_text())
+    assert said["rows"] == written["rows"]
+    found = {(row["metric"], row["top_k"]): row for row in said["rows"]}
+    names = {"no_learning", "kd", "kd_refined", "uy"}
+    assert set(found) == {("undeformed_nearest", None)} | {(name, k) for name in names for k in (1, 4)}
+    for name in names:
+        assert found[name, 4]["value"] <= found[name, 1]["value"]
+        assert found[name, 4]["n"] == 2
+    assert found["kd_refined", 4]["value"] < found["kd", 4]["value"]
+    assert len(written["instances"]) == 2 * len(said["rows"])
+    assert said["header"]["methods"]["uy"]["training"][0]["shapes"] == {"sources": 5, "targets": 6}
+
+
+@pytest.fixture(scope="module")
+def sources(pack: Path) -> Sources:
+    return Sources.of_pack(MeshPack.load(pack), str(pack), 0, pytest.fail)
+
+
+def test_what_is_retrieved_comes_in_order_and_deforms_where_it_should(runs: Path, sources: Sources) -> None:
+    target = sources.points[2]
+    for kind, method in (
+        (KeypointDeformer, lambda n: KeypointDeformerMethod("kd", n)),
+        (Uy2021, lambda n: Uy2021Method("uy", n)),
+    ):
+        folder = runs / ("keypoint-deformer" if kind is KeypointDeformer else "uy2021")
+        networks = load_peers(folder)
+        assert isinstance(networks["table"], kind)
+        with torch.inference_mode():
+            searcher = method(networks).over(sources)
+            found = searcher.explain(target, 3, False)
+            alone = searcher.explain(target, 1, False)
+        assert len(set(found.model_ids)) == 3
+        assert alone.model_ids == found.model_ids[:1]
+        torch.testing.assert_close(alone.points, found.points[:1])
+        assert found.points.shape == (3, *target.shape)
+    # A target that is a source is nearest to itself, and its own keypoints move nothing.
+    with torch.inference_mode():
+        itself = KeypointDeformerMethod("kd", load_peers(runs / "keypoint-deformer")).over(sources)
+        found = itself.explain(target, 1, False)
+    assert found.model_ids == sources.model_ids[2:3]
+    torch.testing.assert_close(found.points[0], target, atol=1e-5, rtol=0)
+
+
+def test_refinement_needs_no_peer_of_its_own(runs: Path, sources: Sources) -> None:
+    networks = load_peers(runs / "keypoint-deformer")
+    target = 0.9 * sources.points[1] + 0.01
+    with torch.inference_mode():
+        plain = KeypointDeformerMethod("kd", networks).over(sources).explain(target, 2, False)
+        refined = KeypointDeformerMethod("kd", networks, RefineConfig()).over(sources).explain(target, 2, False)
+    assert refined.model_ids == plain.model_ids
+    assert not torch.equal(refined.points, plain.points)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "sentence"),
+    [
+        (["train", "peer", "uy2021"], USAGE, "no pack was named"),
+        (["train", "peer", "uy2022", "{pack}"], USAGE, "did you mean `kpred train peer uy2021`?"),
+        (["train", "peer", "uy2021", "{pack}", "--device", "cuda:99"], FAILED, "is not there or unknown"),
+        (["evaluate", "peers"], USAGE, "no pack was named"),
+        (["evaluate", "peers", "{pack}", "--method", "uy"], USAGE, "write it as NAME=FOLDER"),
+        (["evaluate", "peers", "{pack}", "--method", "uy={new}"], FAILED, "No weights in"),
+        (["evaluate", "peers", "{other}", "--method", "uy={runs}/uy2021"], FAILED, "were not in the training"),
+        (
+            ["evaluate", "peers", "{chair}", "--method", "kd={runs}/keypoint-deformer"],
+            FAILED,
+            "knows no category 'chair'",
+        ),
+    ],
+)
+def test_refusals(
+    words: list[str],
+    code: int,
+    sentence: str,
+    pack: Path,
+    runs: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    places: dict[str, Any] = {"pack": pack, "runs": runs, "new": tmp_path / "new"}
+    places["new"].mkdir()
+    make: Callable[[str, int], MeshPack] = lambda category, seed: generate(category, 12, seed=seed)  # noqa: E731
+    for name, category in (("other", "table"), ("chair", "chair")):
+        places[name] = tmp_path / name / f"{category}.npz"
+        places[name].parent.mkdir()
+        shapes = make(category, 9)
+        splits = ["source", "val"] * 6
+        MeshPack.from_meshes(list(shapes), list(shapes.model_id), splits, category).save(places[name])
+    assert main([word.format(**places) for word in words]) == code
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert "Traceback" not in printed.err
