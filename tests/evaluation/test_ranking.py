@@ -67,3 +67,10 @@ def test_the_oracle_is_that_of_the_protocols(packs: dict[str, Path], model: Mode
                 assert cell.value == pytest.approx(wanted, rel=1e-5)
     hits = [values for one, values in table.values.items() if one.method.startswith(TRUE_BEST) and one.top_k == 9]
     assert hits and all(set(values.values()) == {1.0} for values in hits)
+
+
+def test_sorting_the_nearest_again_leaves_the_others_where_they_are(rng: np.random.Generator) -> None:
+    ranking = _ranking(rng, 150)
+    rows = ranking.judged_by("feed_forward_error_of_100").argsort(kind="stable")
+    assert rows[:100].tolist() == ranking.feed_forward[:100].argsort(kind="stable").tolist()
+    assert rows[100:].tolist() == list(range(100, 150))

@@ -2,8 +2,8 @@
 
 For each target all of the database is deformed and refined to the end, not only what retrieval would have tried. The
 true best is the model of the lowest error then. Orders that are judged: by token distance (what a fit goes by), by the
-error after feed-forward deformation (what a fit could go by at the cost of deforming everything), and by the distance
-of the undeformed shape (which needs no network).
+error after feed-forward deformation (what a fit could go by at the cost of deforming everything, or of deforming the
+100 nearest by tokens), and by the distance of the undeformed shape (which needs no network).
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ from kpred.fitting.observation import observe
 from kpred.nn import KPRed, Model
 from kpred.ops.typing import Float
 
-ORDERS = ("tokens", "feed_forward_error", "undeformed_distance")
+ORDERS = ("tokens", "feed_forward_error", "feed_forward_error_of_100", "undeformed_distance")
+PREFETCH = 100
+"""Models, the nearest by tokens, that the order by feed-forward error of 100 sorts again; the others follow."""
+
 TRUE_BEST, NEARLY_BEST = "true_best_in_top", "within_5_percent_of_best_in_top"
 RANK, CORRELATION = "rank_of_true_best", "spearman"
 REFINED, FEED_FORWARD = "refined", "feed_forward"
@@ -53,9 +56,12 @@ class Ranking:
 
     def judged_by(self, order: str) -> Float[np.ndarray, " models"]:
         """What an order of `ORDERS` goes by, lowest first."""
+        again = np.arange(len(self.refined), dtype=np.float64)
+        again[:PREFETCH] = -1 / (1 + self.feed_forward[:PREFETCH])
         return {
             "tokens": self.token_distance,
             "feed_forward_error": self.feed_forward,
+            "feed_forward_error_of_100": again,
             "undeformed_distance": self.undeformed,
         }[order]
 
