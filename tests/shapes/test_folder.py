@@ -107,7 +107,7 @@ def test_paths_that_hold_no_shapes_are_named(tmp_path):
     with pytest.raises(PackError, match=r"none\.npz: there is no such file"):
         open_shapes(tmp_path / "none.npz")
     (tmp_path / "a.obj").write_text("v 0 0 0")
-    with pytest.raises(PackError, match=r"a\.obj: it is neither a mesh pack"):
+    with pytest.raises(PackError, match=r"a\.obj: it is no mesh pack"):
         open_shapes(tmp_path / "a.obj")
 
 

@@ -80,7 +80,7 @@ class _Encoding(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class BuildCommand(_Encoding):
-    """Build a database from a mesh pack, a folder of packs or a folder of meshes.
+    """Build a database from a mesh pack, a folder of packs or of meshes, or a Parquet manifest of mesh files.
 
     A build that was stopped goes on where it was when the same command is given again.
 
@@ -91,7 +91,7 @@ class BuildCommand(_Encoding):
     """
 
     source: Source
-    """Mesh pack (.npz), folder of packs, or folder of .obj .glb .gltf .ply .stl .off files"""
+    """Mesh pack (.npz), folder of packs or of .obj .glb .gltf .ply .stl .off files, or manifest (.parquet)"""
     output: Annotated[str, arg(aliases=["-o"], metavar="FILE")]
     """The database to write: a file (.kpred) or postgresql://user@host/name"""
     resume: Annotated[bool, arg(help_behavior_hint="")] = True

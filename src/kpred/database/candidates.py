@@ -1,10 +1,19 @@
-"""What fitting reads of the database about the models it tries."""
+"""What fitting reads of the database about the models it tries, and the memory that keeps it."""
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
+
+from kpred.database.rows import FittingArrays
+from kpred.errors import DatabaseError
+
+_CACHED_MODELS = 4096
+"""Models whose points and basis are kept in memory: about 120 kB each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,3 +27,47 @@ class Candidates:
     """(M, N, 3)"""
     point_basis: np.ndarray
     """(M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints)"""
+
+
+class ArrayCache:
+    """Arrays of the models that were read last; threads may share it."""
+
+    def __init__(self) -> None:
+        self._arrays: OrderedDict[str, FittingArrays] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, model_ids: Iterable[str]) -> dict[str, FittingArrays]:
+        """Those of the models that are there."""
+        with self._lock:
+            return {name: self._arrays[name] for name in model_ids if name in self._arrays}
+
+    def put(self, found: Mapping[str, FittingArrays]) -> None:
+        """Keep these; the oldest go."""
+        with self._lock:
+            self._arrays.update(found)
+            while len(self._arrays) > _CACHED_MODELS:
+                self._arrays.popitem(last=False)
+
+    def clear(self) -> None:
+        """Forget all."""
+        with self._lock:
+            self._arrays.clear()
+
+
+def stacked(category: str, model_ids: Sequence[str], found: Mapping[str, FittingArrays], where: str) -> Candidates:
+    """Arrays of models of one category, one after the other; `where` they are from, for messages.
+
+    Raises DatabaseError: a model is of another category, or they have different numbers of points.
+    """
+    models = [found[name] for name in model_ids]
+    strangers = [name for name, model in zip(model_ids, models, strict=True) if model.category != category]
+    if strangers:
+        raise DatabaseError(f"Database {where}: {strangers[0]} is no {category}; search that category again.")
+    if len({model.points.shape for model in models}) > 1:
+        raise DatabaseError(f"Database {where}: models have different numbers of points; build it again.")
+    return Candidates(
+        model_ids=tuple(model_ids),
+        keypoints=np.stack([model.keypoints for model in models]),
+        points=np.stack([model.points for model in models]),
+        point_basis=np.stack([model.point_basis for model in models]),
+    )

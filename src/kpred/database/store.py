@@ -1,9 +1,8 @@
-"""The CAD database: one SQLite file, searched and fitted from memory."""
+"""The CAD database: one file, or tables on a server, searched and fitted from memory."""
 
 from __future__ import annotations
 
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from sqlalchemy import Connection, delete, func, select
 
 from kpred import __version__
-from kpred.database.candidates import Candidates
+from kpred.database.candidates import ArrayCache, Candidates, stacked
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
 from kpred.database.home import Home, Progress
@@ -32,6 +31,7 @@ from kpred.database.schema import CategoryRow, InfoRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result
 from kpred.database.sqlite_home import SqliteHome
 from kpred.database.stored import StoredModel, insert_stored, read_stored, stored
+from kpred.database.weights import check_weights
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
 
@@ -40,17 +40,15 @@ _ATTEMPTS = 4
 
 Value = TypeVar("Value")
 
-_CACHED_MODELS = 4096
-"""Models whose points and basis are kept in memory: about 120 kB each."""
-
 
 class Database:
-    """CAD models with their keypoints, tokens and deformation bases, in one file.
+    """CAD models with their keypoints, tokens and deformation bases, in one file or on a server of PostgreSQL.
 
-    Open it with `Database.open` or `Database.create`, close it with `close` or `with`. Every `add` and `remove` is one
-    transaction: it is in the file whole, or not at all, whatever happens to the process. Several processes may read
-    while one writes; what another process has written is seen at the next call. An object may be shared by threads.
-    All methods raise DatabaseError when the file cannot be read or written.
+    Open it with `Database.open` or `Database.create`, close it with `close` or `with`. A place is a file, or an address
+    `postgresql://user@host/name`. Every `add` and `remove` is one transaction: it is there whole, or not at all,
+    whatever happens to the process. Several processes may read while one writes (on a server, many write at once); what
+    another process has written is seen at the next call. An object may be shared by threads. All methods raise
+    DatabaseError when the place cannot be read or written.
     """
 
     def __init__(self, home: Home) -> None:
@@ -60,7 +58,7 @@ class Database:
         self._lock = RLock()
         self._version: object = None
         self._indices: dict[str, Index] = {}
-        self._arrays: OrderedDict[str, FittingArrays] = OrderedDict()
+        self._arrays = ArrayCache()
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
@@ -226,29 +224,19 @@ class Database:
         wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
         if not wanted:
             raise DatabaseError(f"Database {self.path}: no candidates were asked for; name at least one model.")
-        with self._transaction() as connection:
-            missing = [name for name in dict.fromkeys(wanted) if name not in self._arrays]
-            found = {name: self._arrays[name] for name in wanted if name in self._arrays}
+        with self._transaction() as connection:  # which forgets what is out of date
+            found = self._arrays.get(wanted)
+            missing = [name for name in dict.fromkeys(wanted) if name not in found]
             found |= self._read_candidates(connection, missing)
-        models = [found[name] for name in wanted]
-        strangers = [name for name, model in zip(wanted, models, strict=True) if model.category != category]
-        if strangers:
-            raise DatabaseError(f"Database {self.path}: {strangers[0]} is no {category}; search that category again.")
-        if len({model.points.shape for model in models}) > 1:
-            raise DatabaseError(f"Database {self.path}: models have different numbers of points; build it again.")
-        return Candidates(
-            model_ids=wanted,
-            keypoints=np.stack([model.keypoints for model in models]),
-            points=np.stack([model.points for model in models]),
-            point_basis=np.stack([model.point_basis for model in models]),
-        )
+        return stacked(category, wanted, found, str(self.path))
 
     def search(
         self, category: str, tokens: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10
     ) -> SearchResult:
         """The `top_k` models of `category` nearest to query tokens (K, C) by L1, keypoint i weighing weights[i].
 
-        Exact. Nearest first, ties by id. Fewer than `top_k` when the category has fewer models.
+        Exact, but for very many models on a server (`kpred.database.postgres_home`). Nearest first, ties by id. Fewer
+        than `top_k` when the category has fewer models.
         """
         return self._steadily(lambda _: as_result(self._index(category).ranked(tokens, weights, top_k)))
 
@@ -297,20 +285,7 @@ class Database:
         """
         with self._transaction() as connection:
             rows = connection.execute(select(CategoryRow)).all()
-        networks = {model.config.category: model} if isinstance(model, KPRed) else dict(model)
-        for row in rows:
-            loaded = networks[row.name].fingerprint() if row.name in networks else row.fingerprint
-            if loaded != row.fingerprint:
-                raise DatabaseError(
-                    f"Database {self.path} was made by other weights: its {row.name} tokens by {row.fingerprint} "
-                    f"({row.model_name or 'unnamed'}), the model loaded is {loaded}; load that model, or build the "
-                    "database again with this one."
-                )
-        if rows and not any(row.name in networks for row in rows):
-            raise DatabaseError(
-                f"Database {self.path} holds {', '.join(row.name for row in rows)}, the model knows "
-                f"{', '.join(networks) or 'nothing'}; load another model or another database."
-            )
+        check_weights(rows, model, str(self.path))
 
     # Private
 
@@ -350,13 +325,15 @@ class Database:
 
     def _index(self, category: str, progress: Progress | None = None) -> Index:
         with self._transaction() as connection:
+            version = self._version
             index = self._indices.get(category) or self._home.index(connection, category, progress)
             if index is None:
                 names = connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)).all()
                 raise DatabaseError(
                     f"Database {self.path} has no models of category {category!r}; it has {', '.join(names) or 'none'}."
                 )
-            self._indices[category] = index
+            if version == self._version:
+                self._indices[category] = index
             return index
 
     def _read_entry(self, model_id: str) -> Entry | None:
@@ -364,12 +341,12 @@ class Database:
             return read_entry(connection, model_id)
 
     def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
+        version = self._version
         found = read_fitting_arrays(connection, model_ids)
         if len(found) < len(model_ids):
             raise self._unknown([name for name in model_ids if name not in found])
-        self._arrays.update(found)
-        while len(self._arrays) > _CACHED_MODELS:
-            self._arrays.popitem(last=False)
+        if version == self._version:  # else another thread has seen that somebody wrote meanwhile
+            self._arrays.put(found)
         return found
 
     def _unknown(self, model_ids: Collection[str]) -> DatabaseError:

@@ -1,4 +1,4 @@
-"""Shapes from wherever they are: a mesh pack, a folder of packs, or a folder of mesh files."""
+"""Shapes from wherever they are: a mesh pack, a folder of packs or of mesh files, or a Parquet manifest."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from kpred.errors import MeshError, PackError
 from kpred.shapes.folder import FolderItem, read_folder
+from kpred.shapes.manifest import read_manifest
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.pack import MeshPack
 
@@ -35,7 +36,7 @@ def open_shapes(
     split: str | None = None,
     report: Callable[[str], None] = _warn,
 ) -> Iterator[Shape]:
-    """Yield the shapes of a mesh pack (.npz), of a folder of packs, or of a folder of mesh files, one at a time.
+    """Yield the shapes of a mesh pack (.npz), a folder of packs or of mesh files, or a manifest, one at a time.
 
     Shapes are cleaned by ``clean_mesh``. ShapeNet models (``model_normalized``) have their front at -z and are turned
     by 180 degrees about y. A shape that cannot be read goes to ``report`` as one sentence and is left out.
@@ -47,7 +48,8 @@ def open_shapes(
         report: called with the message of each shape that is left out; by default a Python warning.
 
     Raises:
-        PackError: a pack is damaged, or ``path`` is neither a pack nor a folder.
+        PackError: a pack is damaged, or ``path`` is no pack, manifest or folder.
+        ManifestError: a manifest is damaged or has no column of paths (`kpred.shapes.manifest`).
         MeshError: a folder has no meshes.
     """
     root = Path(path)
@@ -59,8 +61,10 @@ def open_shapes(
         return _of_folder(items, report) if split in (None, "source") else iter(())
     if not root.exists():
         raise PackError(f"{root}: there is no such file; give a mesh pack (.npz) or a folder of mesh files.")
+    if root.suffix.lower() == ".parquet":
+        return _of_manifest(root, category, split, report)
     if root.suffix.lower() != ".npz":
-        raise PackError(f"{root}: it is neither a mesh pack (.npz) nor a folder; give one of them.")
+        raise PackError(f"{root}: it is no mesh pack (.npz), manifest (.parquet) or folder; give one of them.")
     return _of_pack(MeshPack.load(root), category, split, report)
 
 
@@ -74,6 +78,26 @@ def _of_pack(pack: MeshPack, category: str | None, split: str | None, report: Ca
             report(str(error))
             continue
         yield Shape(str(pack.model_id[i]), pack.category, str(pack.split[i]), mesh)
+
+
+def _of_manifest(file: Path, category: str | None, split: str | None, report: Callable[[str], None]) -> Iterator[Shape]:
+    """Rows without a category are of the one asked for; rows without a split are `source`."""
+    from kpred.shapes.mesh_io import read_mesh
+
+    for row in read_manifest(file):
+        kind, part = row.category or category, row.split or "source"
+        if (category is not None and kind != category) or (split is not None and part != split):
+            continue
+        if row.problem or row.path is None or kind is None:
+            report(row.problem or f"row {row.number} of {file.name} names no category")
+            continue
+        try:
+            mesh = read_mesh(row.path)
+        except MeshError as error:
+            report(str(error))
+            continue
+        # Names are paths where the manifest has no column `id`.
+        yield Shape(row.name, kind, part, mesh)
 
 
 def _of_folder(items: Iterator[FolderItem], report: Callable[[str], None]) -> Iterator[Shape]:
