@@ -130,6 +130,7 @@ def test_plots_are_written(made: Path, files: Path, pack: Path, tmp_path: Path) 
         ("evaluate table full {new}/none.npz", FAILED, "there is no such file"),
         ("evaluate table full {pack} --split nope", FAILED, "no shape is in the split 'nope'"),
         ("evaluate table full {pack} --targets {new}/none.csv", FAILED, "cannot be read"),
+        ("evaluate table full {pack} --peer a", USAGE, "--peer must be NAME=PATH"),
         ("evaluate table partial {pack} --occlusions 1.0", FAILED, "Occlusions must be shares"),
         ("evaluate table topk {pack} --top-k 0", FAILED, "top_k must be at least 1"),
         ("evaluate table scan2cad {new}", FAILED, "full_annotations.json"),

@@ -10,7 +10,10 @@ import pytest
 
 from kpred.errors import ConfigError, OutputError, PackError
 from kpred.evaluation import evaluate
+from kpred.evaluation.compare import compare
 from kpred.evaluation.frame_protocol import measure_fits
+from kpred.evaluation.methods import KpRedMethod
+from kpred.evaluation.peer_rows import add_methods
 from kpred.evaluation.scan_outcomes import Fitting
 from kpred.evaluation.searched import content_hash, searched
 from kpred.evaluation.surfaces import Surface
@@ -213,3 +216,19 @@ def test_corrupt_meshes_are_left_out_counted_and_told_once(
     chairs = {one.model_id: value for one, value in table.values[_series(table, "one", "refined")].items()}
     for subject, value in found.values[_series(found, "a", "refined")].items():
         assert value == pytest.approx(chairs[subject.model_id], rel=1e-6)
+
+
+def test_other_methods_stand_in_the_table_on_its_targets(packs: dict[str, Path], model: Model, table: Table) -> None:
+    only = frozenset(subject.model_id for subject in table.subjects()[:2])
+    config = replace(CONFIG, only=only)
+    mine = make_table([packs["chair"]], {"one": model}, config)
+    add_methods(mine, [packs["chair"]], {"peer": (KpRedMethod("peer", model), {"model": "x"})}, config)
+    peer = next(one for one in mine.values if one.model == "peer")
+    # It is the same network, by another way.
+    assert mine.values[peer] == pytest.approx(mine.values[replace(peer, model="one")], rel=1e-5)
+    assert set(mine.subjects()) == set(mine.values[peer])
+    assert mine.header["models"]["peer"] == {"model": "x"}
+    (row, *_) = compare(mine, mine, "one", "peer")
+    assert row.ratio == pytest.approx(1, rel=1e-5)
+    with pytest.raises(ConfigError, match="named one; name them apart"):
+        add_methods(mine, [packs["chair"]], {"one": (KpRedMethod("one", model), {})}, config)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+from tyro.conf import UseAppendAction, arg
 
 from kpred.cli.command import Group
 from kpred.cli.evaluate_ablation import AblationCommand
 from kpred.cli.evaluate_scan2cad import Scan2CadCommand
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, ModelOptions, PackTableCommand, label, print_pivot, shown
+from kpred.cli.table_options import NOTE, SHORT, ModelOptions, PackTableCommand, label, named, print_pivot, shown
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Series, Table
@@ -28,6 +28,13 @@ class _MeasuredCommand(PackTableCommand, ModelOptions):
     """Only the targets named in this file: another table (.json), a split file (.csv with modelId and split), or one id
     a line"""
 
+    peer: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FOLDER", help_behavior_hint="repeatable")] = ()
+    """Weights of a peer (`kpred train peer`) and its name in the table; its row counts as feed-forward"""
+
+    def named_peers(self) -> list[tuple[str, str]]:
+        """Folders of peers by their name in the table."""
+        return named(self.peer, "peer")
+
     def config(self) -> TableConfig:
         """The plan."""
         raise NotImplementedError
@@ -39,10 +46,12 @@ class _MeasuredCommand(PackTableCommand, ModelOptions):
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
         from kpred.cli.progress import ProgressBar
+        from kpred.evaluation.peer_rows import add_methods, peer_method
         from kpred.evaluation.tables import make_table
         from kpred.evaluation.target_lists import read_target_list
 
         self.check()
+        self.named_peers()
         models, databases, config = self.named_models(), self.named_databases(), self.config()
         if self.targets is not None:
             config = replace(config, only=read_target_list(self.targets, self.split))
@@ -58,6 +67,9 @@ class _MeasuredCommand(PackTableCommand, ModelOptions):
                 # They are in the header, and printed with the table.
                 report=lambda sentence: None,
             )
+            if self.peer:
+                peers = {name: peer_method(name, folder) for name, folder in self.named_peers()}
+                add_methods(table, self.packs, peers, config, progress=bar.update)
         self.finish(output, table, time.perf_counter() - began, self.show)
 
 

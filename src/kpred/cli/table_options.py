@@ -84,19 +84,20 @@ class ModelOptions(Command):
 
     def named_models(self) -> dict[str, str | None]:
         """Models by their name in the table."""
-        return dict(_named(self.model, "model")) or {BUNDLED: None}
+        return dict(named(self.model, "model")) or {BUNDLED: None}
 
     def named_databases(self) -> dict[str, str]:
         """Databases by the name of the model that searches them."""
         models = self.named_models()
-        found = dict(_named(self.database, "database")) if self.database else {}
+        found = dict(named(self.database, "database")) if self.database else {}
         for name in found:
             if name not in models:
                 raise UsageError(f"--database names the model {name}, but the models are {', '.join(models)}")
         return found
 
 
-def _named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
+def named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
+    """Words NAME=PATH of an option that can be given several times; a model's name may be left out."""
     pairs = []
     for word in words:
         name, equals, value = word.partition("=")
