@@ -148,12 +148,14 @@ def fit(
         chosen = replace(chosen, candidates=replace(chosen.candidates, sensors=sensors))
     with clock("deform"):
         feed_forward = chosen.candidates.errors()
-    refined_errors = None
+    refined_errors, judged_by = None, chosen
     if refine:
         with clock("refine"):
             refinement = refinement or RefineConfig()
             refined = chosen.candidates.refined(refinement)
             refined_errors = refined.errors()
+        # A cage brings the wrong model nearly as close as the right one: it is the keypoints' fit that tells them apart.
+        judged_by = replace(chosen, candidates=refined)
         with clock("cage"):
             if refinement.has_cage(bool(partial)):
                 refined, refined_errors = with_cages(refined, refined_errors, store, refinement)
@@ -174,7 +176,7 @@ def fit(
             keypoints = stood_on(keypoints, lowest, points, up_direction, floor)
             meshes[0].vertices = stood_on(np.asarray(meshes[0].vertices), lowest, points, up_direction, floor)
     with clock("confidence"):
-        evidence = evidence_of(chosen, order[0], tried, networks.recognizer is not None)
+        evidence = evidence_of(judged_by, order[0], tried, networks.recognizer is not None)
         sure, of_categories = confidence(evidence), category_probabilities(tried)
     return Fit(
         mesh=meshes[0],

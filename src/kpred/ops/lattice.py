@@ -17,7 +17,7 @@ from kpred.ops.typing import Float
 SIZE = 5
 """Control points along each axis."""
 
-BEND, STRETCH, TWIST = 10.0, 0.1, 3.0
+BEND, STRETCH, TWIST = 10.0, 0.1, 30.0
 """Stiffness against bending what is straight, against stretching along an axis unevenly, and against twisting."""
 
 SPACING = (SIZE / 4) ** 4
