@@ -154,7 +154,7 @@ def fit(
             refinement = refinement or RefineConfig()
             refined = chosen.candidates.refined(refinement)
             refined_errors = refined.errors()
-        # A cage brings the wrong model nearly as close as the right one: it is the keypoints' fit that tells them apart.
+        # A cage brings a wrong model nearly as close as the right one: it is the keypoints' fit that tells them apart.
         judged_by = replace(chosen, candidates=refined)
         with clock("cage"):
             if refinement.has_cage(bool(partial)):
