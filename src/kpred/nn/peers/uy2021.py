@@ -25,6 +25,13 @@ from kpred.ops.typing import Float, Int
 STEP = 0.1
 """What the decoder says is scaled by this (published)."""
 
+CODE_RATE = 10.0
+"""Codes learn so much faster than the networks: each is met in few steps of a short training, and Adam's steps do not
+depend on the scale of a parameter. At first codes are random numbers of deviation 1, those of the retrieval
+`REGION_SPREAD`, which makes the first odds neither even nor certain."""
+
+REGION_SPREAD = 0.25
+
 
 @dataclass(frozen=True)
 class Uy2021Config:
@@ -60,10 +67,10 @@ class Uy2021(nn.Module):
         self.config = config
         count, size = len(config.sources), config.code_size
         self.target_encoder, self.retrieval_encoder = PointNet(size), PointNet(size)
-        self.source_codes = nn.Parameter(torch.randn(count, size))
-        self.part_codes = nn.Parameter(torch.randn(count, config.parts, config.part_code_size))
-        self.region_centers = nn.Parameter(torch.randn(count, size))
-        self.region_widths = nn.Parameter(torch.randn(count, size))
+        self.source_codes = nn.Parameter(torch.randn(count, size) / CODE_RATE)
+        self.part_codes = nn.Parameter(torch.randn(count, config.parts, config.part_code_size) / CODE_RATE)
+        self.region_centers = nn.Parameter(REGION_SPREAD * torch.randn(count, size) / CODE_RATE)
+        self.region_widths = nn.Parameter(torch.zeros(count, size))
         self.decoder = nn.ModuleList([nn.Linear(2 * size + config.part_code_size, 512), nn.Linear(512, 256)])
         self.output = nn.Linear(256, 6)
 
@@ -89,8 +96,8 @@ class Uy2021(nn.Module):
 
     def motion(self, codes: Float[Tensor, "batch size"], rows: Int[Tensor, " batch"]) -> Float[Tensor, "batch parts 6"]:
         """How the parts of one source each should move and grow for a target, before contacts are kept."""
-        parts = self.part_codes[rows]
-        both = torch.cat([codes, self.source_codes[rows]], dim=1)
+        parts = CODE_RATE * self.part_codes[rows]
+        both = torch.cat([codes, CODE_RATE * self.source_codes[rows]], dim=1)
         features = torch.cat([both[:, None].expand(-1, parts.shape[1], -1), parts], dim=2)
         for layer in self.decoder:
             features = functional.leaky_relu(layer(features), 0.1)
@@ -109,7 +116,7 @@ class Uy2021(nn.Module):
     def distances(
         self, targets: Float[Tensor, "batch points 3"], rows: Int[Tensor, " sources"]
     ) -> Float[Tensor, "batch sources"]:
-        """Squared distance in the retrieval embedding, every source by its own widths (mean over the directions)."""
+        """Squared distance in the retrieval embedding, every source by its own widths (Mahalanobis)."""
         place: Tensor = self.retrieval_encoder(targets)
-        width = torch.sigmoid(self.region_widths[rows])
-        return ((place[:, None] - self.region_centers[rows]).square() * width).mean(2)
+        width = torch.sigmoid(CODE_RATE * self.region_widths[rows])
+        return ((place[:, None] - CODE_RATE * self.region_centers[rows]).square() * width).sum(2)
