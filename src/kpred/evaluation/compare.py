@@ -102,14 +102,14 @@ def check_comparable(first: Table, second: Table) -> None:
 
 
 def settings_changed(first: Table, second: Table, a: str | None = None, b: str | None = None) -> list[str]:
-    """One line for each setting of the networks in which the two models differ."""
+    """One line for each setting of the networks in which the two models differ; none where one is another method."""
     one, other = (
         table.header["models"][_model(table, name, which)].get("settings", {})
         for table, name, which in ((first, a, "first"), (second, b, "second"))
     )
     lines: dict[str, list[str]] = {}
-    for category in one:
-        settings, others = one[category], other.get(category, {})
+    for category in sorted(set(one) & set(other) & {subject.category for subject in first.subjects()}):
+        settings, others = one[category], other[category]
         for key in dict.fromkeys([*settings, *others]):
             if settings.get(key) != others.get(key):
                 lines.setdefault(f"{key}: {settings.get(key)} and {others.get(key)}", []).append(category)
