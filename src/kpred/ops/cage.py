@@ -7,6 +7,7 @@ where the cage is convex and the deformation does not fold at the shape's corner
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import torch
@@ -65,10 +66,25 @@ def pulled_in_cage(
     """
     directions = icosphere(subdivisions)[0].to(points)
     cage = (directions * radius).expand(len(points), -1, -1).clone()
-    for _ in range(PULL_STEPS):
+    left = torch.full(cage.shape[:2], PULL_STEPS, device=cage.device)
+    while True:
         squared, _ = nearest_neighbours(cage, points)
-        cage = torch.where((squared > CLEARANCE**2)[..., None], cage * PULL_RATE, cage)
-    return cage
+        moving = (squared > CLEARANCE**2) & (left > 0)
+        if not moving.any():
+            return cage
+        steps = torch.where(moving, _safe_steps(squared.sqrt(), cage.norm(dim=-1)), 0).minimum(left)
+        left = left - steps
+        for step in range(int(steps.max())):
+            cage = torch.where((step < steps)[..., None], cage * PULL_RATE, cage)
+
+
+def _safe_steps(distance: Float[Tensor, "batch vertices"], length: Float[Tensor, "batch vertices"]) -> Tensor:
+    """How many steps a vertex at `length` from the origin takes at least, being `distance` away from the shape.
+
+    A vertex comes no closer to the shape than it moves, so the steps between need no search (as in sphere tracing).
+    """
+    free = ((distance - CLEARANCE - 1e-4) / length).clamp(0, 0.99)
+    return (torch.log1p(-free) / math.log(PULL_RATE)).floor().long().clamp(min=1)
 
 
 def enclosing_cage(
