@@ -152,6 +152,21 @@ def test_a_build_anew_takes_the_old_one_s_place_only_when_it_is_done(tmp_path, m
     assert [file.name for file in tmp_path.iterdir()] == ["a.kpred"]
 
 
+def test_several_processes_make_the_same_database(tmp_path, weights, assert_same):
+    # The real number of points: what is set in this process does not reach the others.
+    networks, some = load_model(weights), list(shapes())[:6]
+    one, two = tmp_path / "one.kpred", tmp_path / "two.kpred"
+    alone = build_database(one, some, networks, batch=2)
+    told = []
+    report = build_database(two, some, networks, batch=2, workers=2, progress=told.append)
+    assert (report.added, len(report.failed)) == (alone.added, len(alone.failed)) == (5, 1)
+    assert told == sorted(told)
+    assert told[-1] == 6
+    assert_same_content(one, two, assert_same)
+    with pytest.raises(DatabaseError, match="at least 1"):
+        build_database(two, some, networks, workers=0)
+
+
 def test_weights_do_not_mix(tmp_path, model):
     path = tmp_path / "a.kpred"
     build_database(path, list(shapes())[:2], model)

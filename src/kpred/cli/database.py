@@ -30,6 +30,8 @@ class _Encoding(Command):
     """Models encoded together and written in one transaction"""
     seed: Annotated[int, arg(metavar="SEED")] = 0
     """Of the points sampled on the models"""
+    workers: Annotated[int, arg(metavar="N")] = 1
+    """Processes that encode, one thread each; 1 is this one, with its threads"""
 
     def encode(self, output: Output, source: Path, file: str, resume: bool) -> None:
         """Encode the shapes of `source` into `file`, with a progress bar, and print what was done."""
@@ -52,6 +54,7 @@ class _Encoding(Command):
                     batch=self.batch,
                     seed=self.seed,
                     resume=resume,
+                    workers=self.workers,
                     progress=lambda done: bar.update("encoding models", done),
                 )
                 if report.added:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from kpred.database.connection import check_replaceable, explained
-from kpred.database.encode import PreparedMesh, encode_prepared, prepare_mesh
+from kpred.database.encode import prepare_mesh
+from kpred.database.encoders import Batch, Encoder, InProcesses, InThisProcess
+from kpred.database.entry import Entry
 from kpred.database.postgres_home import is_address
 from kpred.database.store import Database
 from kpred.errors import DatabaseError, MeshError
@@ -45,6 +48,7 @@ def build_database(
     seed: int = 0,
     resume: bool = True,
     progress: Callable[[int], None] | None = None,
+    workers: int = 1,
 ) -> BuildReport:
     """Encode shapes (model id, category, split, mesh) and put them into the database at `path`.
 
@@ -61,23 +65,44 @@ def build_database(
         seed: of the points sampled on the models.
         resume: see above.
         progress: called with the number of shapes that are done with, after each of them and after each batch.
+        workers: processes that encode, one thread each; 1 is this process alone, with its threads. The content of the
+            database does not depend on it, but for the last digits of sums.
 
     Raises:
         DatabaseError: the file is not a database, was made by other weights, is locked or cannot be written.
     """
-    if batch < 1:
-        raise DatabaseError(f"Database {path}: a batch needs at least 1 model, not {batch}.")
+    if batch < 1 or workers < 1:
+        raise DatabaseError(
+            f"Database {path}: a build needs at least 1 model a batch and 1 worker, not {batch}, {workers}."
+        )
+    encoder: Encoder = InThisProcess(model) if workers == 1 else InProcesses(model, workers)
+    try:
+        return _built(path, shapes, model, batch, seed, resume, progress, encoder)
+    finally:
+        encoder.close()
+
+
+def _built(
+    path: str | os.PathLike[str],
+    shapes: Iterable[tuple[str, str, str, Mesh]],
+    model: Mapping[str, KPRed],
+    batch: int,
+    seed: int,
+    resume: bool,
+    progress: Callable[[int], None] | None,
+    encoder: Encoder,
+) -> BuildReport:
     there = Database.exists(path)
     if resume or not there:
         with Database.open(path) if there else Database.create(path) as database:
-            return _Build(database, model, batch, seed, progress).run(shapes)
+            return _Build(database, model, batch, seed, progress, encoder).run(shapes)
     if is_address(path):
         raise DatabaseError(f"Database {path} is on a server and cannot be built anew; drop its schema kpred first.")
     target = Path(path)
     check_replaceable(target)
     with explained(target), tempfile.TemporaryDirectory(prefix=".kpred-", dir=target.parent) as folder:
         with Database.create(Path(folder) / target.name) as database:
-            report = _Build(database, model, batch, seed, progress).run(shapes)
+            report = _Build(database, model, batch, seed, progress, encoder).run(shapes)
         os.replace(Path(folder) / target.name, target)
     return report
 
@@ -92,10 +117,13 @@ class _Build:
         batch: int,
         seed: int,
         progress: Callable[[int], None] | None,
+        encoder: Encoder,
     ) -> None:
         database.check_model(model)
         self.database = database
-        self.networks = dict(model)
+        self.categories = frozenset(model)
+        self.encoder = encoder
+        self.started: deque[Callable[[], list[Entry]]] = deque()
         self.model_name = str(getattr(model, "name", ""))
         self.batch = batch
         self.seed = seed
@@ -103,7 +131,7 @@ class _Build:
         self.report = BuildReport()
         self.seen = set(database.model_ids())
         self.present = frozenset(self.seen)
-        self.waiting: dict[str, list[tuple[PreparedMesh, dict[str, str]]]] = {}
+        self.waiting: dict[str, Batch] = {}
 
     def run(self, shapes: Iterable[tuple[str, str, str, Mesh]]) -> BuildReport:
         for model_id, category, split, mesh in shapes:
@@ -111,10 +139,13 @@ class _Build:
             # also when it is tried again by a build that goes on.
             self._take(model_id, category, split, mesh)
             if len(self.waiting.get(category, ())) >= self.batch:
-                self._commit(category)
+                self._encode(category)
             self._tell()
         for category in list(self.waiting):
-            self._commit(category)
+            self._encode(category)
+            self._tell()
+        while self.started:
+            self._commit()
             self._tell()
         return self.report
 
@@ -126,7 +157,7 @@ class _Build:
             self.report.failed.append((model_id, "another shape of this source has the same id"))
             return
         self.seen.add(model_id)
-        if category not in self.networks:
+        if category not in self.categories:
             self.report.failed.append((model_id, f"the model knows no category {category!r}"))
             return
         try:
@@ -136,11 +167,15 @@ class _Build:
             return
         self.waiting.setdefault(category, []).append((prepared, {"split": split}))
 
-    def _commit(self, category: str) -> None:
-        waiting = self.waiting.pop(category, [])
-        network = self.networks[category]
+    def _encode(self, category: str) -> None:
+        self.started.append(self.encoder.start(category, self.waiting.pop(category, [])))
+        while len(self.started) > self.encoder.ahead:
+            self._commit()
+
+    def _commit(self) -> None:
+        """Put the batch that was handed in first into the database."""
         entries = []
-        for entry in encode_prepared([item for item, _ in waiting], network, [meta for _, meta in waiting]):
+        for entry in self.started.popleft()():
             try:
                 entry.check()
             except DatabaseError as error:

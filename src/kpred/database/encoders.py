@@ -1,0 +1,117 @@
+"""Who encodes the batches of a build: this process, or several with one thread each."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from typing import Protocol, runtime_checkable
+
+import torch
+
+from kpred.database.encode import PreparedMesh, encode_prepared
+from kpred.database.entry import Entry
+from kpred.errors import DatabaseError
+from kpred.nn import KPRed
+
+Batch = list[tuple[PreparedMesh, dict[str, str]]]
+"""Meshes with their metadata."""
+
+
+@runtime_checkable
+class Encoder(Protocol):
+    """Encodes batches, in any order; the caller asks for them in the order they were handed in."""
+
+    @property
+    def ahead(self) -> int:
+        """How many batches may wait to be asked for: fewer leave workers idle, more only fill the memory."""
+        ...
+
+    def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
+        """Hand in a batch, and get what waits for its entries."""
+        ...
+
+    def close(self) -> None:
+        """Stop; what is not done is given up."""
+        ...
+
+
+class InThisProcess:
+    """Encodes a batch when it is asked for."""
+
+    ahead = 0
+
+    def __init__(self, networks: Mapping[str, KPRed]) -> None:
+        self._networks = dict(networks)
+
+    def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
+        """See `Encoder`."""
+        return lambda: _encoded(self._networks[category], batch)
+
+    def close(self) -> None:
+        """See `Encoder`."""
+
+
+class InProcesses:
+    """Encodes batches in processes that have the networks."""
+
+    def __init__(self, networks: Mapping[str, KPRed], workers: int) -> None:
+        self.ahead = 2 * workers
+        self._pool = ProcessPoolExecutor(
+            workers,
+            # Fresh interpreters: a forked one would share locks of torch's threads.
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_begin,
+            initargs=({name: copy.deepcopy(network).cpu() for name, network in networks.items()},),
+        )
+
+    def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
+        """See `Encoder`. Raises DatabaseError when a process has died."""
+
+        def entries() -> list[Entry]:
+            with _told():
+                return future.result()
+
+        with _told():
+            future = self._pool.submit(_work, category, batch)
+        return entries
+
+    def close(self) -> None:
+        """See `Encoder`."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+class _told:
+    """A dead process as an error that says how to go on."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, BrokenProcessPool):
+            raise DatabaseError(
+                "A process that encoded models died (out of memory?); the same command goes on, with fewer --workers."
+            ) from error
+
+
+_networks: dict[str, KPRed] = {}
+
+
+def _begin(networks: dict[str, KPRed]) -> None:
+    torch.set_num_threads(1)
+    with suppress(ImportError):
+        import numba
+
+        numba.set_num_threads(1)
+    _networks.update(networks)
+
+
+def _work(category: str, batch: Batch) -> list[Entry]:
+    return _encoded(_networks[category], batch)
+
+
+def _encoded(network: KPRed, batch: Batch) -> list[Entry]:
+    return encode_prepared([item for item, _ in batch], network, [meta for _, meta in batch])
