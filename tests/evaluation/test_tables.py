@@ -180,7 +180,7 @@ def test_targets_can_be_named_and_names_that_are_not_there_are_counted(
     (tmp_path / "ids.txt").write_text(f"# two\n{chosen[0].model_id}\n\n{chosen[1].model_id}\n")
     assert read_target_list(tmp_path / "ids.txt", "val") == {one.model_id for one in chosen}
     with pytest.raises(PackError, match="None of the 1 named targets"):
-        make_table([packs["chair"]], {"one": model}, replace(CONFIG, only=frozenset({"gone"})))
+        make_table([packs["chair"]], {"one": model}, replace(CONFIG, only=frozenset({"gone"})), report=told.append)
 
 
 @pytest.mark.parametrize(
