@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from kpred.cli.main import USAGE, main
 
 
@@ -16,7 +18,7 @@ def test_figures_are_printed_and_written(tmp_path, run_json):
         assert figure["value"] > 0
         assert figure["best"] <= figure["value"]
         assert figure["baseline_value"] > 0
-        assert figure["gain"] == figure["baseline_value"] / figure["value"]
+        assert figure["gain"] == pytest.approx(figure["baseline_value"] / figure["value"])
         assert figure["met"] is (None if figure["limit"] is None else figure["value"] <= figure["limit"])
     assert {"processor", "cores", "threads", "load_before", "load_after", "torch"} <= set(record["machine"])
     assert list(work.iterdir()) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from kpred.batch.crew import Crew, ProcessCrew
@@ -67,8 +67,8 @@ def fit_many(
     """
     if attempts < 1 or (workers is not None and workers < 1):
         raise ConfigError(f"A batch needs at least 1 worker and 1 attempt, not {workers} and {attempts}.")
-    chosen = settings or BatchSettings()
-    tasks = read_tasks(source)
+    chosen = _absolute(settings or BatchSettings())
+    tasks = read_tasks(Path(source).resolve())
     first = next(tasks, None)
     _check_resources(chosen)
     place = Path(out).resolve()
@@ -152,6 +152,18 @@ class _Batch:
     def _tell(self) -> None:
         if self.progress is not None:
             self.progress(self.report)
+
+
+def _absolute(settings: BatchSettings) -> BatchSettings:
+    """Paths that mean the same to workers that run in another folder."""
+    from kpred.database.postgres_home import is_address
+
+    def absolute(name: str | None) -> str | None:
+        if name is None or is_address(name) or not Path(name).exists():
+            return name
+        return str(Path(name).resolve())
+
+    return replace(settings, model=absolute(settings.model), database=absolute(settings.database))
 
 
 def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: str) -> Crew:
