@@ -2,8 +2,8 @@
 
     python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation rows.json]
 
-RUNS_FOLDER holds a run of `kpred train` for each category and for the recognizer, or for some of them; a run of the
-partial stage alone, started from the bundled weights, replaces only that. INFINIGEN_FOLDER has infinigen's packs.
+RUNS_FOLDER holds runs by `scripts/train_within.py` or `kpred train`, or some of them: CATEGORY of kp-red-plus,
+kp-red/CATEGORY of kp-red, and recognizer. INFINIGEN_FOLDER has infinigen's packs.
 Everything in the bundle is made from the generator and from infinigen alone.
 """
 
@@ -28,8 +28,6 @@ CATEGORIES = ("chair", "table", "cabinet")
 BUNDLED = Path(__file__).resolve().parents[1] / "src" / "kpred" / "bundled"
 GENERATED, REDISTRIBUTED = 60, 60
 """Models a category in the starter database: from the generator, and from infinigen."""
-PARTIAL_RECORD = "training_partial.json"
-"""Record of a later training of the partial stage alone."""
 FIRST_RECORD = "training_first.json"
 """Record of the training that another one started from."""
 DATABASE_SEED = 11
@@ -58,13 +56,10 @@ def main() -> None:
 def copy_weights(runs: Path) -> None:
     """Half-precision weights and the records of their training, of the runs that are there."""
     for category in CATEGORIES:
-        run, target = runs / category / "model", BUNDLED / "model" / category
-        if not run.is_dir():
-            continue
-        save_network(load_network(run), target)
-        record = json.loads((run / "training.json").read_text())
-        alone = record["stages"] == ["partial"]
-        shutil.copy(run / "training.json", target / (PARTIAL_RECORD if alone else "training.json"))
+        for run, target in ((runs / category, "model"), (runs / "kp-red" / category, "kp-red")):
+            if (run / "model").is_dir():
+                save_network(load_network(run / "model"), BUNDLED / target / category)
+                shutil.copy(run / "model" / "training.json", BUNDLED / target / category / "training.json")
     if (runs / "recognizer" / "model").is_dir():
         run, target = runs / "recognizer" / "model", BUNDLED / "model" / "recognizer"
         save_recognizer(load_recognizer(run), target)
@@ -113,32 +108,28 @@ def make_scan(infinigen: Path) -> None:
 def write_cards(evaluation: Path | None) -> None:
     """Model cards: data, steps, seed, measured numbers."""
     rows = json.loads(evaluation.read_text())["rows"] if evaluation else []
-    for category in CATEGORIES:
-        folder = BUNDLED / "model" / category
-        card = [*_category_card(category, folder), *_measured(category, rows)]
-        (folder / "README.md").write_text("\n".join(card))
+    for name, preset in (("model", "kp-red-plus"), ("kp-red", "kp-red")):
+        for category in CATEGORIES:
+            folder = BUNDLED / name / category
+            card = [*_category_card(category, preset, folder), *_measured(category, preset, rows)]
+            (folder / "README.md").write_text("\n".join(card))
     folder = BUNDLED / "model" / "recognizer"
     if folder.is_dir():
         (folder / "README.md").write_text("\n".join(_recognizer_card(folder)))
 
 
-def _category_card(category: str, folder: Path) -> list[str]:
+def _category_card(category: str, preset: str, folder: Path) -> list[str]:
     record = json.loads((folder / "training.json").read_text())
     network = load_network(folder)
     training, model = record["training"], network.config
-    steps = ", ".join(f"{stage} {training[stage]['steps']}" for stage in ("deformation", "retrieval"))
-    partial, partial_command = training["partial"]["steps"], ""
-    if (folder / PARTIAL_RECORD).exists():
-        later = json.loads((folder / PARTIAL_RECORD).read_text())
-        partial = later["training"]["partial"]["steps"]
-        partial_command = "; then " + PARTIAL_COMMAND.format(
-            category=category, steps=partial, count=later["shapes"]["packs"][1], shapes=later["shapes"]["targets"]
-        )
+    stages = [(name, training[name]) for name in record["stages"]]
+    steps = ", ".join(f"{name} {stage['steps']}, {stage['batch']}" for name, stage in stages)
+    options = " ".join(f"--{name}.steps {stage['steps']} --{name}.batch {stage['batch']}" for name, stage in stages)
     return [
-        f"# kpred: {category}",
+        f"# kpred: {category}, {preset}",
         "",
-        f"Networks of KP-RED for the category {category}: 12 semantic keypoints, neural-cage influence, retrieval",
-        "tokens, and their twins for partial scans. Coordinates: unit box, y up, front +z.",
+        f"Networks of KP-RED for the category {category}: {model.keypoints} semantic keypoints, neural-cage influence,",
+        "retrieval tokens, and their twins for partial scans. Coordinates: unit box, y up, front +z.",
         "",
         "| | |",
         "|---|---|",
@@ -146,13 +137,14 @@ def _category_card(category: str, folder: Path) -> list[str]:
         f"| file | model.safetensors, half precision, {_megabytes(folder)} MB |",
         f"| parameters | {sum(p.numel() for p in network.parameters()):,} |",
         f"| trained on | {record['shapes']['targets']} shapes: this project's generator "
-        f"(`kpred data generate {category} -n 1500 --seed 1 --cuboids 0.4`, splits source and train) and "
+        f"(`kpred data generate {category} -n {record['shapes']['packs'][1]} --seed 31 --cuboids 0.5 --no-splits`) and "
         "infinigen (splits source and train); nothing else |",
-        f"| steps | {steps}, partial {partial}; batch {training['deformation']['batch']} "
-        f"(retrieval {training['retrieval']['batch']}) |",
+        f"| steps, batch | {steps} |",
         f"| seed | {training['seed']} |",
-        f"| command | {COMMAND.format(category=category, **training)}{partial_command} |",
-        "| hardware | CPU, one thread |",
+        f"| command | `kpred train all INFINIGEN/{category}.npz GENERATED/{category}.npz --preset {preset} {options} "
+        f"--ranking-weight {training['ranking_weight']} --device cuda`; here by scripts/train_within.py, which chose "
+        "the steps to fit into nine minutes |",
+        "| hardware | one H100, TF32, shared by seven trainings at once |",
         f"| cage, influence, keypoint head | {model.cage}, {model.influence}, {model.keypoint_head} |",
         "",
         "Shapes of infinigen are output of Infinigen 1.15.5 (generator code BSD-3-Clause).",
@@ -160,24 +152,21 @@ def _category_card(category: str, folder: Path) -> list[str]:
     ]
 
 
-def _measured(category: str, rows: list[dict[str, Any]]) -> list[str]:
-    mine = [row for row in rows if row["category"] == category and row["metric"] in REPORTED]
+def _measured(category: str, preset: str, rows: list[dict[str, Any]]) -> list[str]:
+    mine = [cell for cell in rows if cell["category"] == category and cell["model"] in (preset, "")]
     if not mine:
         return []
     lines = [
         "## Measured",
         "",
-        "`kpred evaluate shapes`; unit box squared, known unit box, mean over instances, best of 10.",
+        "`kpred evaluate table full`, split val; unit box squared, known unit box, mean over instances, best of 10.",
         "",
-        "| data | split | n | metric | value | relative to nearest undeformed |",
-        "|---|---|---|---|---|---|",
+        "| data | n | method | CD | 95 % |",
+        "|---|---|---|---|---|",
     ]
-    for row in mine:
-        ratio = row.get("ratio_to_undeformed")
-        lines.append(
-            f"| {row['dataset']} | {row['split']} | {row['n']} | {row['metric']} | {row['value']:.5f} | "
-            f"{'' if ratio is None else format(ratio, '.2f')} |"
-        )
+    for cell in mine:
+        values = f"{cell['value']:.5f} | {cell['low']:.5f} to {cell['high']:.5f}"
+        lines.append(f"| {cell['dataset']} | {cell['n']} | {cell['method']} | {values} |")
     return [*lines, ""]
 
 
@@ -214,19 +203,6 @@ def _recognizer_card(folder: Path) -> list[str]:
 
 def _megabytes(folder: Path) -> str:
     return f"{(folder / 'model.safetensors').stat().st_size / 1e6:.1f}"
-
-
-COMMAND = (
-    "`kpred train all INFINIGEN/{category}.npz GENERATED/{category}.npz --deformation.steps {deformation[steps]} "
-    "--retrieval.steps {retrieval[steps]} --retrieval.batch {retrieval[batch]} --partial.steps {partial[steps]}`, "
-    "stage by stage; the generated shapes are those of commit 2567e1e, the generator was mended a little since"
-)
-PARTIAL_COMMAND = (
-    "`kpred train partial INFINIGEN/{category}.npz GENERATED/{category}.npz --start-from bundled --source-split source "
-    "--partial.steps {steps}` on {shapes} shapes, the generated ones by `kpred data generate {category} -n {count} "
-    "--seed 21 --cuboids 0.4`"
-)
-REPORTED = ("undeformed_nearest", "no_learning", "feed_forward", "refined", "sampling_floor")
 
 
 if __name__ == "__main__":

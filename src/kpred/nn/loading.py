@@ -78,13 +78,17 @@ class Model(Mapping[str, KPRed]):
         return self
 
 
-def bundled_model_path() -> Path:
-    """Folder of the weights that come with the package."""
-    return Path(str(resources.files("kpred"))) / "bundled" / "model"
+BUNDLED = {"bundled": "model", "kp-red-plus": "model", "kp-red": "kp-red"}
+"""Names of the models that come with the package, and their folders: this project's, and the paper's."""
+
+
+def bundled_model_path(name: str = "bundled") -> Path:
+    """Folder of weights that come with the package, by a name in `BUNDLED`."""
+    return Path(str(resources.files("kpred"))) / "bundled" / BUNDLED[name]
 
 
 def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
-    """Load weights: None or "bundled" for those of the package, else a folder, else a Hugging Face Hub repository.
+    """Load weights: None or a name in `BUNDLED` for those of the package, else a folder, else a repository on the Hub.
 
     A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there is
     one, `recognizer`.
@@ -92,8 +96,9 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
     """
-    if name_or_path is None or str(name_or_path) == "bundled":
-        folder, name = bundled_model_path(), "bundled"
+    if name_or_path is None or str(name_or_path) in BUNDLED:
+        name = "bundled" if name_or_path is None else str(name_or_path)
+        folder = bundled_model_path(name)
         if not folder.is_dir():
             raise ModelError(f"The bundled weights are missing at {folder}; reinstall kpred.")
     else:
