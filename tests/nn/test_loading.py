@@ -10,6 +10,7 @@ from safetensors.torch import save_file
 
 from kpred.errors import ModelError, OutputError
 from kpred.nn import KPRed, Model, load_model, load_network, save_network
+from kpred.nn.config import preset
 from kpred.nn.loading import CONFIG_FILE, WEIGHTS_FILE
 
 
@@ -170,3 +171,12 @@ def test_a_folder_that_cannot_be_made(small, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
         save_network(small(), tmp_path / "file" / "weights")
+
+
+def test_the_models_of_the_package_are_known_by_name() -> None:
+    own, paper = load_model("kp-red-plus"), load_model("kp-red")
+    assert sorted(own) == sorted(paper) == ["cabinet", "chair", "table"]
+    assert own["chair"].fingerprint() == load_model()["chair"].fingerprint()
+    for category in paper:
+        assert paper[category].config == preset("kp-red", category)
+        assert own[category].config == preset("kp-red-plus", category)
