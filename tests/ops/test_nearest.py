@@ -82,3 +82,14 @@ def test_strided_input_is_read_rightly() -> None:
     found = nearest_neighbours(query[:, ::2], reference.flip(1))
     np.testing.assert_allclose(found[0], expected[0], rtol=1e-6)
     assert torch.equal(found[1], expected[1])
+
+
+def test_half_precision_is_compared_in_single(generator: torch.Generator) -> None:
+    query, reference = torch.rand(2, 40, 3, generator=generator), torch.rand(2, 50, 3, generator=generator)
+    for kind in (torch.bfloat16, torch.float16):
+        rough = reference.to(kind)
+        distance, index = nearest_neighbours(query, rough)
+        wanted = nearest_reference(query, rough.float())
+        assert distance.dtype == torch.float32
+        torch.testing.assert_close(distance, wanted[0])
+        assert torch.equal(index, wanted[1])

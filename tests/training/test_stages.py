@@ -130,3 +130,18 @@ def test_partial_clouds_show_part_of_their_targets(network, data, train_config, 
     for whole, part in zip(target, seen, strict=True):
         assert nearest_neighbours(part[None], whole[None])[0].max() == 0
         assert len(part.unique(dim=0)) == config.points // 2
+
+
+@pytest.mark.parametrize("stage", sorted(STAGE_CLASSES))
+def test_half_precision_trains_nearly_as_single_does(network, data, train_config, change, stage: str) -> None:
+    config = change(train_config, warmup=0)
+    losses = {}
+    for enabled in (False, True):
+        work = STAGE_CLASSES[stage](network, data, config)
+        with torch.autocast("cpu", torch.bfloat16, enabled=enabled):
+            terms = work.losses(4, torch.Generator().manual_seed(0))
+        torch.stack([term.float() for term in terms.values()]).sum().backward()
+        losses[enabled] = {name: float(term.detach()) for name, term in terms.items()}
+    assert losses[True].keys() == losses[False].keys()
+    for name, value in losses[False].items():
+        assert losses[True][name] == pytest.approx(value, rel=0.2, abs=0.02), name

@@ -1,10 +1,11 @@
 """Nearest neighbours between small clouds, exact, without a distance matrix that outlives the call.
 
-Two paths give the same numbers: a compiled CPU kernel (where numba is installed) and chunked torch (reference, GPU).
+Two paths give the same numbers: compiled CPU kernels (where numba is installed) and chunked torch (reference, GPU).
 """
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -24,13 +25,26 @@ def nearest_neighbours(
 ) -> tuple[Float[Tensor, "batch query"], Int[Tensor, "batch query"]]:
     """Squared distance and index of the nearest reference point for every query point (no gradient).
 
-    Both clouds share a frame; the distance is in that frame's units squared. Ties go to the lower index.
+    Both clouds share a frame; the distance is in that frame's units squared. Ties go to the lower index. Clouds of half
+    precision, as autocast makes them, are compared in single precision.
     """
-    query, reference = query.detach(), reference.detach()
-    if nearest_cpu is not None and query.device.type == "cpu" and query.dtype == torch.float32:
-        distance, index = nearest_cpu(query.contiguous().numpy(), reference.contiguous().numpy())
-        return torch.from_numpy(distance), torch.from_numpy(index)
+    query, reference = _at_least_single(query.detach()), _at_least_single(reference.detach())
+    if nearest_cpu is not None and query.device.type == "cpu" and query.dtype == reference.dtype == torch.float32:
+        distance, index = (torch.from_numpy(found) for found in nearest_cpu(_array(query), _array(reference)))
+        batch = len(query)
+        return (distance, index) if len(distance) == batch else (distance.repeat(batch, 1), index.repeat(batch, 1))
     return nearest_reference(query, reference)
+
+
+def _at_least_single(cloud: Tensor) -> Tensor:
+    return cloud.float() if cloud.dtype in (torch.float16, torch.bfloat16) else cloud
+
+
+def _array(clouds: Tensor) -> np.ndarray:
+    """The clouds as an array; one that was expanded to a batch (stride 0) is given once, and read for all of it."""
+    expanded = len(clouds) > 1 and clouds.stride(0) == 0
+    array: np.ndarray = (clouds[:1] if expanded else clouds).contiguous().numpy()
+    return array
 
 
 def nearest_reference(

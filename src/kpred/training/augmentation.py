@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
 
 import torch
 from torch import Tensor
@@ -12,8 +14,22 @@ from kpred.ops import slice_by_plane
 from kpred.ops.occlusion import random_directions, resample_visible, visible_to_camera
 from kpred.ops.typing import Float
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
 RESOLUTION = 48
 """Pixels along a side of the depth images that decide what a camera sees: what stands before what, not fine detail."""
+
+
+def in_full_precision(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same function with autocast off: clouds are not to be rounded when networks are."""
+
+    @functools.wraps(draw)
+    def exact(*args: Arguments.args, **options: Arguments.kwargs) -> Result:
+        with torch.autocast("cpu", enabled=False), torch.autocast("cuda", enabled=False):
+            return draw(*args, **options)
+
+    return exact
 
 
 def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:

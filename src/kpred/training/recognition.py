@@ -19,7 +19,15 @@ from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MOST_TURN, Recognizer, RecognizerConfig
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
-from kpred.training.augmentation import box_of, disturbed, random_factors, random_slices, random_views, yaw_matrices
+from kpred.training.augmentation import (
+    box_of,
+    disturbed,
+    in_full_precision,
+    random_factors,
+    random_slices,
+    random_views,
+    yaw_matrices,
+)
 from kpred.training.config import StageConfig
 from kpred.training.data import Progress
 from kpred.training.loop import StepReport, optimise, resumable
@@ -65,6 +73,7 @@ class RecognitionStage:
             losses["turn"] = self.config.turn_weight * error.abs().mean()
         return losses
 
+    @in_full_precision
     def batch(self, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Clouds (B, N, 3); answers (B,), -1 where none is taught; missing turns (B,), and where these are taught."""
         config, data, count = self.config, self.data, self.settings.batch

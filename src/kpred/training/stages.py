@@ -15,7 +15,7 @@ from kpred.nn.retrieval import DECODED_POINTS
 from kpred.ops import ball_query, chamfer_distance, farthest_point_sampling
 from kpred.ops.chamfer import squared_distances
 from kpred.ops.regions import gather_points
-from kpred.training.augmentation import box_of, disturbed, random_slices, yaw_matrices
+from kpred.training.augmentation import box_of, disturbed, in_full_precision, random_slices, yaw_matrices
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
 
@@ -249,6 +249,7 @@ class PartialStage(FrozenDeformer):
             losses["box"] = config.box_weight * self._box(self._few(seen[1::2]), target[1::2])
         return losses
 
+    @in_full_precision
     def _jittered(
         self, target: Tensor, seen: Tensor, keypoints: Tensor, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, Tensor]:
@@ -259,7 +260,7 @@ class PartialStage(FrozenDeformer):
         factor = torch.exp(off * torch.randn(batch, 1, 1, **options))
         shift = off * torch.randn(batch, 1, 3, **options)
         rotation = yaw_matrices((off * torch.randn(batch, 1, 1, **options)).flatten())
-        moved = [factor * (cloud @ rotation.mT) + shift for cloud in (target, seen, keypoints)]
+        moved = [factor * (cloud.float() @ rotation.mT) + shift for cloud in (target, seen, keypoints)]
         return moved[0], moved[1], moved[2].clamp(-1.2, 1.2)
 
     def _box(self, seen: Tensor, target: Tensor) -> Tensor:
@@ -269,6 +270,7 @@ class PartialStage(FrozenDeformer):
         corners, spread = self.network.whole_box((seen - middle) / half)
         return ((corners - (whole - middle) / half).abs() / spread + spread.log()).mean()
 
+    @in_full_precision
     def _partial_targets(self, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Full targets and what is seen of them: some cut by a plane (the paper), some seen by a depth camera."""
         config, data, batch = self.config, self.data, self.settings.batch
