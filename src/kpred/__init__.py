@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["Database", "Fit", "__version__", "fit", "fit_many", "load_model", "read_mesh", "read_scan", "sample_scan", "write_mesh"]
+__all__ = [
+    "Database",
+    "Fit",
+    "__version__",
+    "fit",
+    "fit_many",
+    "load_model",
+    "read_mesh",
+    "read_scan",
+    "sample_scan",
+    "write_mesh",
+]
 
 _HOME = {
     "Database": "kpred.database",
