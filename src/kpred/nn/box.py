@@ -32,10 +32,10 @@ class BoxPredictor(nn.Module):
         """
         features = points
         for layer in self.local[:2]:
-            features = functional.leaky_relu(layer(features), 0.1)
+            features = functional.leaky_relu(layer(features), 0.1, inplace=True)
         for block in self.context:
             features = block(features)
-        shape = functional.leaky_relu(self.local[2](features), 0.1).amax(1)
+        shape = functional.leaky_relu(self.local[2](features).amax(1), 0.1)
         for layer in self.shape:
             shape = functional.leaky_relu(layer(shape), 0.1)
         extension, spread = self.output(shape).unflatten(1, (2, 2, 3)).unbind(1)

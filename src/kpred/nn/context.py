@@ -25,7 +25,8 @@ class ContextBlock(nn.Module):
 
     def forward(self, features: Float[Tensor, "batch points width"]) -> Float[Tensor, "batch points width"]:
         """Features in the same order; the result does not depend on the order beyond that."""
-        pooled = functional.leaky_relu(self.wide(features), 0.1).amax(1)
+        # The activation rises, so that it may as well follow the pooling: one row a cloud instead of all.
+        pooled = functional.leaky_relu(self.wide(features).amax(1), 0.1)
         shape = functional.leaky_relu(self.shape(pooled), 0.1)
-        mixed = functional.leaky_relu(self.mix(features) + shape[:, None], 0.1)
+        mixed = functional.leaky_relu(self.mix(features).add_(shape[:, None]), 0.1, inplace=True)
         return torch.add(features, self.merge(mixed))

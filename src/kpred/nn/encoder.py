@@ -58,11 +58,12 @@ class RegionEncoder(nn.Module):
         relative = (region - keypoints[:, :, None]) / self.config.radius
         features = torch.cat([relative, region], dim=-1)
         for layer in self.first:
-            features = functional.leaky_relu(layer(features), 0.1)
+            features = functional.leaky_relu(layer(features), 0.1, inplace=True)
         tokens = features.amax(2) + self.place(keypoints) + self.identity
         tokens = self.attention[0](tokens)
         for to_points, to_tokens, attend in zip(self.later_points, self.later_tokens, self.attention[1:], strict=True):
-            features = functional.leaky_relu(to_points(features) + to_tokens(tokens)[:, :, None], 0.1)
+            mixed = to_points(features).add_(to_tokens(tokens)[:, :, None])
+            features = functional.leaky_relu(mixed, 0.1, inplace=True)
             tokens = attend(tokens + features.amax(2))
         return self.final(tokens)
 

@@ -46,19 +46,20 @@ class KeypointPredictor(nn.Module):
         """Keypoints in the points' own unit-box frame, clamped to [-1.2, 1.2]."""
         features = points
         for layer in self.local:
-            features = functional.leaky_relu(layer(features), 0.1)
-        shape = functional.leaky_relu(self.wide(features), 0.1).amax(1)
+            features = functional.leaky_relu(layer(features), 0.1, inplace=True)
+        # The activation rises, so that it may as well follow the pooling.
+        shape = functional.leaky_relu(self.wide(features).amax(1), 0.1)
         for layer in self.shape:
             shape = functional.leaky_relu(layer(shape), 0.1)
         if self.config.keypoint_head == "regression":
             for layer in self.head:
                 shape = functional.leaky_relu(layer(shape), 0.1)
             return self.output(shape).unflatten(1, (self.config.keypoints, 3)).clamp(-1.2, 1.2)
-        mixed = functional.leaky_relu(self.mix_local(features) + self.mix_shape(shape)[:, None], 0.1)
+        mixed = functional.leaky_relu(self.mix_local(features).add_(self.mix_shape(shape)[:, None]), 0.1, inplace=True)
         for block in self.context:
             mixed = block(mixed)
         for layer in self.head:
-            mixed = functional.leaky_relu(layer(mixed), 0.1)
+            mixed = functional.leaky_relu(layer(mixed), 0.1, inplace=True)
         votes = self.output(mixed)
         score, offset = votes.split([self.config.keypoints, 3 * self.config.keypoints], dim=2)
         weight = torch.softmax(score, dim=1)

@@ -82,10 +82,10 @@ class Recognizer(nn.Module):
         """Logits of the categories and, last, of "none"; and the turn about +y (radians) that is still missing."""
         features = robust_unit_box(points)
         for layer in self.local:
-            features = functional.leaky_relu(layer(features), 0.1)
+            features = functional.leaky_relu(layer(features), 0.1, inplace=True)
         for block in self.context:
             features = block(features)
-        features = functional.leaky_relu(self.wide(features), 0.1)
+        features = functional.leaky_relu(self.wide(features), 0.1, inplace=True)
         shape = torch.cat([features.amax(1), features.mean(1)], dim=1)
         for layer in self.shape:
             shape = functional.leaky_relu(layer(shape), 0.1)

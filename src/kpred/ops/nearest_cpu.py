@@ -1,7 +1,8 @@
-"""Compiled brute-force nearest neighbours for the CPU: sixteen queries at a time, one pass over the reference.
+"""Compiled nearest neighbours for the CPU by brute force: many queries at a time, one pass over the reference.
 
-For clouds of a few thousand points this beats a KD-tree (no tree to build for every deformed candidate) and needs no
-memory beside its result. `kpred.ops.nearest.nearest_reference` is the plain version that a test holds it equal to.
+For clouds of a few hundred points this beats any index and needs no memory beside its result; larger ones go to
+`kpred.ops.nearest_blocks`, which says the same to the bit. `kpred.ops.nearest.nearest_reference` is the plain version
+that tests hold both equal to.
 """
 
 from __future__ import annotations
@@ -11,26 +12,34 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from kpred.ops.nearest_blocks import LEAST, nearest_blocks
+from kpred.ops.worksharing import share_out
+
 LANES = 64
 
 
-@numba.njit(parallel=True, fastmath={"nnan", "nsz", "contract", "reassoc"}, cache=True)
+@numba.njit(fastmath={"nnan", "nsz", "contract", "reassoc"}, cache=True, nogil=True)
 @no_type_check
-def _nearest(query, reference, distance, index):
-    batch, count, _ = query.shape
+def _nearest(query, reference, distance, index, first, last):
+    count = query.shape[1]
     blocks = (count + LANES - 1) // LANES
-    for job in numba.prange(batch * blocks):
+    qx = np.empty(LANES, np.float32)
+    qy = np.empty(LANES, np.float32)
+    qz = np.empty(LANES, np.float32)
+    best = np.empty(LANES, np.float32)
+    where = np.empty(LANES, np.int32)
+    for job in range(first, last):
         b, start = job // blocks, (job % blocks) * LANES
-        qx = np.empty(LANES, np.float32)
-        qy = np.empty(LANES, np.float32)
-        qz = np.empty(LANES, np.float32)
-        best = np.full(LANES, 3.0e38, np.float32)
-        where = np.zeros(LANES, np.int32)
+        # A single cloud stands for all of the batch.
+        own = b if len(query) > 1 else 0
+        other = b if len(reference) > 1 else 0
         for lane in range(LANES):
             row = min(start + lane, count - 1)
-            qx[lane], qy[lane], qz[lane] = query[b, row, 0], query[b, row, 1], query[b, row, 2]
+            qx[lane], qy[lane], qz[lane] = query[own, row, 0], query[own, row, 1], query[own, row, 2]
+            best[lane] = np.float32(3.0e38)
+            where[lane] = 0
         for j in range(reference.shape[1]):
-            rx, ry, rz = reference[b, j, 0], reference[b, j, 1], reference[b, j, 2]
+            rx, ry, rz = reference[other, j, 0], reference[other, j, 1], reference[other, j, 2]
             column = np.int32(j)
             for lane in range(LANES):
                 dx, dy, dz = qx[lane] - rx, qy[lane] - ry, qz[lane] - rz
@@ -44,8 +53,23 @@ def _nearest(query, reference, distance, index):
 
 
 def nearest_cpu(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared distances (B, N) float32 and indices (B, N) int64 of the nearest of (B, M, 3) for each of (B, N, 3)."""
-    distance = np.empty(query.shape[:2], np.float32)
-    index = np.empty(query.shape[:2], np.int64)
-    _nearest(query, reference, distance, index)
+    """Squared distances (B, N) float32 and indices (B, N) int64 of the nearest of (B, M, 3) for each of (B, N, 3).
+
+    Either may be one cloud (1, ..., 3) that stands for all of the batch.
+    """
+    search = nearest_blocks if min(query.shape[1], reference.shape[1]) >= LEAST else nearest_brute
+    return search(query, reference)
+
+
+def nearest_brute(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`nearest_cpu` without an index, whatever the size."""
+    batch, count = max(len(query), len(reference)), query.shape[1]
+    distance = np.empty((batch, count), np.float32)
+    index = np.empty((batch, count), np.int64)
+    jobs = batch * ((count + LANES - 1) // LANES)
+    share_out(
+        lambda first, last: _nearest(query, reference, distance, index, first, last),
+        jobs,
+        jobs * LANES * reference.shape[1],
+    )
     return distance, index
