@@ -48,12 +48,12 @@ def data(pack: MeshPack) -> TrainingData:
     return prepare([pack], new_network(MODEL, 0), TRAIN.points, seed=0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def model_config() -> ModelConfig:
     return MODEL
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def train_config() -> TrainConfig:
     return TRAIN
 

@@ -6,18 +6,22 @@ import dataclasses
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command, Group
-from kpred.cli.devices import found_device, limit_threads
+from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
+from kpred.cli.processes import own_device, together
 from kpred.cli.train_peer import PEER_COMMANDS
 from kpred.cli.usage import UsageError
 from kpred.nn.config import PRESETS, ModelConfig
 from kpred.training.config import PAPER, TrainConfig
 from kpred.training.recognition_config import RecognitionConfig
+
+if TYPE_CHECKING:
+    from kpred.training.distributed import World
 
 STAGES = ("deformation", "retrieval", "partial")
 
@@ -49,19 +53,24 @@ class _TrainCommand(Command):
 
     def run(self, output: Output) -> None:
         """Train with a progress bar; print where the weights are."""
+        if not self.packs:
+            raise UsageError(f"no pack was named; try `kpred train {self.stages[0]} PACK.npz -o FOLDER`")
+        if self.threads is not None:
+            limit_threads(self.threads)
+        device = own_device(self.device)
+        with together(device) as world:
+            self._train(output, world, device)
+
+    def _train(self, output: Output, world: World, device: str) -> None:
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ConfigError
         from kpred.shapes.pack import MeshPack
         from kpred.training.run import train
 
-        if not self.packs:
-            raise UsageError(f"no pack was named; try `kpred train {self.stages[0]} PACK.npz -o FOLDER`")
         packs = [MeshPack.load(path) for path in self.packs]
         categories = sorted({pack.category for pack in packs} | ({self.model.category} - {""}))
         if len(categories) > 1:
             raise ConfigError(f"A run trains one category, but was given {', '.join(categories)}; give packs of one.")
-        if self.threads is not None:
-            limit_threads(self.threads)
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}
@@ -78,20 +87,25 @@ class _TrainCommand(Command):
                     self.training,
                     folder,
                     stages=self.stages,
-                    device=found_device(self.device),
+                    device=device,
                     source_split=self.source_split,
                     progress=bar.update,
                     report=report,
                     resume=self.resume,
                     start_from=self.start_from,
+                    world=world,
                 )
         except KeyboardInterrupt as error:
             if not any(folder.glob("*.checkpoint")):
                 raise
-            raise KeyboardInterrupt(f"{folder} keeps what was trained, and the same command goes on from it") from error
+            error.args = (f"{folder} keeps what was trained, and the same command goes on from it",)
+            raise
+        if not world.is_first:
+            return
         seconds = time.perf_counter() - began
         weights = folder / "model"
-        output.result({"model": weights, "category": categories[0], "seconds": seconds, "last_losses": last})
+        facts = {"model": weights, "category": categories[0], "seconds": seconds, "last_losses": last}
+        output.result(facts | ({"processes": world.size} if not world.alone else {}))
         rows = [(stage, name, value) for stage, losses in last.items() for name, value in losses.items()]
         if rows:
             output.table("last step", ["stage", "loss", "value"], rows)
@@ -141,10 +155,12 @@ class AllCommand(_TrainCommand):
     """Train the three stages one after the other.
 
     A run that was stopped (Ctrl-C, a killed machine) goes on exactly where it was when the same command is given again.
+    Started by torchrun, each process (on CUDA: each GPU) draws its own batches, and a step takes their mean gradient.
 
     examples:
       kpred train all chair.npz -o runs/chair
       kpred train all chair.npz more_chairs.npz -o runs/chair --device cuda --precision bfloat16
+      torchrun --nproc-per-node 4 -m kpred train all chair.npz -o runs/chair
       kpred train all chair.npz -o runs/without-attention --model.no-self-attention
       kpred train all chair.npz -o runs/short --deformation.steps 500 --retrieval.steps 500 --partial.steps 500
     """
@@ -188,7 +204,8 @@ class RecognitionCommand(Command):
             limit_threads(self.threads)
         last: dict[str, float] = {}
         began = time.perf_counter()
-        with ProgressBar() as bar:
+        device = own_device(self.device)
+        with together(device) as world, ProgressBar() as bar:
 
             def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
                 last.update(losses)
@@ -199,12 +216,15 @@ class RecognitionCommand(Command):
                 packs,
                 self.training,
                 self.output,
-                found_device(self.device),
+                device,
                 bar.update,
                 report,
                 self.resume,
                 start_from=self.start_from,
+                world=world,
             )
+        if not world.is_first:
+            return
         seconds = time.perf_counter() - began
         weights = self.output / "model"
         output.result(

@@ -42,9 +42,11 @@ class _PeerCommand(Command):
 
     def run(self, output: Output) -> None:
         """Train with a progress bar; print where the weights are."""
+        from kpred.cli.processes import refuse
         from kpred.cli.progress import ProgressBar
         from kpred.shapes.pack import MeshPack
 
+        refuse(f"`kpred train peer {self.peer}`")
         if not self.packs:
             raise UsageError(f"no pack was named; try `kpred train peer {self.peer} PACK.npz -o FOLDER`")
         packs = [MeshPack.load(path) for path in self.packs]

@@ -15,6 +15,7 @@ from kpred.nn import STAGES, KPRed, save_network
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
+from kpred.training.distributed import ALONE, StopTogether, World
 from kpred.training.stages import STAGE_CLASSES
 
 GRADIENT_NORM = 1.0
@@ -33,6 +34,7 @@ def train_stage(
     report: StepReport | None = None,
     log: bool = True,
     resume: bool = True,
+    world: World = ALONE,
 ) -> None:
     """Train one stage in place; afterwards `folder` holds its checkpoint and the exported weights.
 
@@ -42,19 +44,22 @@ def train_stage(
     Args:
         folder: run folder; `<stage>.checkpoint` and TensorBoard's event files go here, weights to `folder/model`.
         log: write TensorBoard events, where tensorboard is installed.
+        world: the processes that train together; the first one writes, logs and reports its own losses.
 
     Raises:
-        CheckpointError: if the folder holds a checkpoint of another configuration.
+        CheckpointError: if the folder holds a checkpoint of another configuration or number of processes.
         OutputError: if the folder cannot be written.
     """
-    checkpoint = resumable(folder, stage, network.config.to_dict(), config.to_dict(), data.device) if resume else None
+    model = network.config.to_dict()
+    checkpoint = resumable(folder, stage, model, config.to_dict(), data.device, world) if resume else None
     if checkpoint:
         network.load_state_dict(checkpoint.weights)
     work = STAGE_CLASSES[stage](network, data, config)
-    trained = optimise(work, checkpoint, folder, data.device, sorted(STAGE_CLASSES).index(stage), report, log)
+    trained = optimise(work, checkpoint, folder, data.device, sorted(STAGE_CLASSES).index(stage), report, log, world)
     # A finished stage exports again, as it may have been killed before it could; but not over what was built on it.
     later = list(STAGES)[list(STAGES).index(stage) + 1 :]
-    if trained or not any((folder / f"{name}.checkpoint").exists() for name in later):
+    last = trained or not any((folder / f"{name}.checkpoint").exists() for name in later)
+    if last and world.is_first:
         save_network(network, folder / "model")
 
 
@@ -100,12 +105,14 @@ def optimise(
     stream: int,
     report: StepReport | None = None,
     log: bool = True,
+    world: World = ALONE,
 ) -> bool:
     """Minimise a stage's losses and keep its checkpoint in `folder`; whether there was a step left to do.
 
     Args:
         checkpoint: where to go on; its weights are the network's already.
         stream: which of the random streams of one seed.
+        world: the processes that train together, each with batches of its own: a step's gradient is their mean.
 
     Raises:
         OutputError: if the folder cannot be written.
@@ -114,47 +121,53 @@ def optimise(
     path = folder / f"{stage}.checkpoint"
     if checkpoint is None:
         work.start()
+    world.align(work.network.parameters())
     optimizer = torch.optim.Adam(work.parameters(), lr=work.settings.learning_rate)
-    generator = torch.Generator(device=device).manual_seed(config.seed * 3 + stream)
+    generator = torch.Generator(device=device).manual_seed(world.seed(config.seed * 3 + stream))
     first = 0
     if checkpoint:
         optimizer.load_state_dict(checkpoint.optimizer)
-        generator.set_state(checkpoint.random_state)
+        generator.set_state(world.own_state(checkpoint.random_state))
         first = checkpoint.step
 
     total = work.settings.steps
-    writer = _writer(folder / "log") if log and first < total else None
+    report = report if world.is_first else None
+    writer = _writer(folder / "log") if log and first < total and world.is_first else None
     network.train()
     # What an interrupt may save: the random state that belongs to `done`, and whether the weights are in mid-update.
     done, state, torn = first, generator.get_state(), False
     losses_of = torch.compile(work.losses, dynamic=False) if config.compile and device.type == "cuda" else work.losses
     try:
-        for step in range(first, total):
-            for group in optimizer.param_groups:
-                group["lr"] = learning_rate(work.settings, step)
-            with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bfloat16"):
-                losses = losses_of(step, generator)
-                loss = torch.stack(list(losses.values())).sum()
-            optimizer.zero_grad(set_to_none=True)
-            loss.backward()
-            norm = torch.nn.utils.clip_grad_norm_(work.parameters(), GRADIENT_NORM)
-            # One wild batch must not poison the weights.
-            torn = True
-            if torch.isfinite(norm):
-                optimizer.step()
-            done, state, torn = step + 1, generator.get_state(), False
-            if report or writer:
-                values = {name: float(value.detach()) for name, value in losses.items()}
-                if report:
-                    report(stage, done, total, values)
-                if writer and done % 10 == 0:
-                    for name, value in values.items():
-                        writer.add_scalar(f"{stage}/{name}", value, done)
-            if done % config.checkpoint_every == 0 or done == total:
-                _save(path, work, optimizer, state, done)
-    except KeyboardInterrupt:
-        if not torn:
-            _save(path, work, optimizer, state, done)
+        with world.interruptible():
+            for step in range(first, total):
+                for group in optimizer.param_groups:
+                    group["lr"] = learning_rate(work.settings, step)
+                with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bfloat16"):
+                    losses = losses_of(step, generator)
+                    loss = torch.stack(list(losses.values())).sum()
+                optimizer.zero_grad(set_to_none=True)
+                loss.backward()
+                world.agree()
+                world.average_gradients(work.parameters())
+                norm = torch.nn.utils.clip_grad_norm_(work.parameters(), GRADIENT_NORM)
+                # One wild batch must not poison the weights.
+                torn = True
+                if torch.isfinite(norm):
+                    optimizer.step()
+                done, state, torn = step + 1, generator.get_state(), False
+                if report or writer:
+                    values = {name: float(value.detach()) for name, value in losses.items()}
+                    if report:
+                        report(stage, done, total, values)
+                    if writer and done % 10 == 0:
+                        for name, value in values.items():
+                            writer.add_scalar(f"{stage}/{name}", value, done)
+                if done % config.checkpoint_every == 0 or done == total:
+                    _save(path, work, optimizer, state, done, world)
+    except KeyboardInterrupt as error:
+        # Of several processes, one that is interrupted on its own has nobody to save with.
+        if not torn and (world.alone or isinstance(error, StopTogether)):
+            _save(path, work, optimizer, state, done, world)
         raise
     finally:
         if writer:
@@ -170,7 +183,10 @@ def learning_rate(settings: StageConfig, step: int) -> float:
     return settings.learning_rate * (0.02 + 0.98 * (1 + math.cos(math.pi * step / settings.steps)) / 2)
 
 
-def _save(path: Path, work: Work, optimizer: torch.optim.Optimizer, state: Tensor, done: int) -> None:
+def _save(path: Path, work: Work, optimizer: torch.optim.Optimizer, state: Tensor, done: int, world: World) -> None:
+    states = world.states(state)
+    if not world.is_first:
+        return
     Checkpoint(
         stage=work.name,
         step=done,
@@ -178,26 +194,33 @@ def _save(path: Path, work: Work, optimizer: torch.optim.Optimizer, state: Tenso
         train_config=work.config.to_dict(),
         weights=work.network.state_dict(),
         optimizer=optimizer.state_dict(),
-        random_state=state,
+        random_state=states,
     ).save(path)
 
 
 def resumable(
-    folder: Path, stage: str, model_config: dict[str, Any], train_config: dict[str, Any], device: torch.device
+    folder: Path,
+    stage: str,
+    model_config: dict[str, Any],
+    train_config: dict[str, Any],
+    device: torch.device,
+    world: World = ALONE,
 ) -> Checkpoint | None:
-    """The stage's checkpoint in the run folder; None if there is none.
+    """The stage's checkpoint in the (first process's) run folder; None if there is none.
 
     Raises:
-        CheckpointError: if it cannot be read, or belongs to a run with other settings.
+        CheckpointError: if it cannot be read, or belongs to a run with other settings or another number of processes.
     """
     path = folder / f"{stage}.checkpoint"
-    if not path.exists():
+    where = device if world.alone else torch.device("cpu")  # it travels to the others
+    checkpoint = world.from_first(lambda: Checkpoint.load(path, where) if path.exists() else None)
+    if checkpoint is None:
         return None
-    checkpoint = Checkpoint.load(path, device)
     if checkpoint.model_config != model_config or checkpoint.train_config != train_config:
         raise CheckpointError(
             f"{path} belongs to a run with other settings; give another run folder or the same settings."
         )
+    world.check_states(checkpoint.random_state, path)
     return checkpoint
 
 

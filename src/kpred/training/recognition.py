@@ -30,6 +30,7 @@ from kpred.training.augmentation import (
 )
 from kpred.training.config import StageConfig
 from kpred.training.data import Progress
+from kpred.training.distributed import ALONE, World
 from kpred.training.loop import StepReport, optimise, resumable
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import RecognitionData, prepare_recognition
@@ -157,11 +158,12 @@ def train_recognizer(
     resume: bool = True,
     model: RecognizerConfig | None = None,
     start_from: str | os.PathLike[str] | None = None,
+    world: World = ALONE,
 ) -> Recognizer:
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
 
     Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was. `start_from`
-    is a recognizer's folder, whose weights the training starts with.
+    is a recognizer's folder, whose weights the training starts with. `world`: as in `kpred.training.run.train`.
 
     Raises:
         ModelError: if there is no recognizer in `start_from`.
@@ -170,7 +172,7 @@ def train_recognizer(
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
     """
-    data = prepare_recognition(packs, config.seed, device, progress)
+    data = world.share(lambda: prepare_recognition(packs, config.seed, device, progress), device)
     architecture = dataclasses.replace(model or RecognizerConfig(), categories=data.categories)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
@@ -181,14 +183,17 @@ def train_recognizer(
             raise ConfigError(f"{start_from} holds another kind of recognizer; give the same categories and settings.")
         network.load_state_dict(earlier.state_dict())
     where = data.clouds.device
-    checkpoint = resumable(folder, "recognition", architecture.to_dict(), config.to_dict(), where) if resume else None
+    known = architecture.to_dict()
+    checkpoint = resumable(folder, "recognition", known, config.to_dict(), where, world) if resume else None
     if checkpoint:
         network.load_state_dict(checkpoint.weights)
-    optimise(RecognitionStage(network, data, config), checkpoint, folder, where, 3, report)
+    optimise(RecognitionStage(network, data, config), checkpoint, folder, where, 3, report, world=world)
+    if not world.is_first:
+        return network
     save_recognizer(network, folder / "model")
     numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
     record = {
-        "model": architecture.to_dict(),
+        "model": known,
         "start_from": None if start_from is None else str(start_from),
         "training": config.to_dict(),
         "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from kpred.shapes.pack import MeshPack
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import TrainConfig
 from kpred.training.data import Progress, prepare
+from kpred.training.distributed import ALONE, World
 from kpred.training.loop import StepReport, train_stage
 
 
@@ -40,12 +41,15 @@ def train(
     report: StepReport | None = None,
     resume: bool = True,
     start_from: str | os.PathLike[str] | None = None,
+    world: World = ALONE,
 ) -> KPRed:
     """Train the given stages of one category and leave weights in `folder/model`.
 
     Stages build on each other: one that is not in `stages` is taken from the run folder's checkpoints, or, with
     `start_from`, from finished weights of the category (the name or folder of a model; parts that are new in this
-    architecture start fresh). A stopped run goes on where it was.
+    architecture start fresh). A stopped run goes on where it was. Of several processes (`world`, made by
+    `kpred.training.distributed.joined`) the first prepares the data for all and writes the files; each draws batches
+    of its own, so that a step sees as many times the batch as there are processes.
 
     Raises:
         ConfigError: if a stage does not exist, or one between two others is left out.
@@ -66,23 +70,31 @@ def train(
         _take_over(network, start_from)
     elif first > 0:
         earlier = folder / f"{order[first - 1]}.checkpoint"
-        if not earlier.exists():
-            raise CheckpointError(f"{earlier} is missing; train the stage '{order[first - 1]}' in this folder first.")
-        checkpoint = Checkpoint.load(earlier, device)
+        where = device if world.alone else "cpu"
+        checkpoint = world.from_first(lambda: _built_on(earlier, order[first - 1], where))
         if checkpoint.model_config != model_config.to_dict():
             raise CheckpointError(
                 f"{earlier} holds another architecture; give another run folder or the same model settings."
             )
         network.load_state_dict(checkpoint.weights)
     network.to(device)
-    with _made(folder):
-        data = prepare(list(packs), network, config.points, config.seed, device, source_split, progress)
+    with _made(folder) if world.is_first else nullcontext():
+        data = world.share(
+            lambda: prepare(list(packs), network, config.points, config.seed, device, source_split, progress), device
+        )
     for stage in order:
         if stage in stages:
-            train_stage(network, data, config, stage, folder, report=report, resume=resume)
+            train_stage(network, data, config, stage, folder, report=report, resume=resume, world=world)
     shapes = {"packs": [len(pack) for pack in packs], "sources": len(data.sources), "targets": len(data.targets)}
-    _record(folder, model_config, config, wanted, start_from, shapes)
+    if world.is_first:
+        _record(folder, model_config, config, wanted, start_from, shapes, world.size)
     return network
+
+
+def _built_on(path: Path, stage: str, device: torch.device | str) -> Checkpoint:
+    if not path.exists():
+        raise CheckpointError(f"{path} is missing; train the stage '{stage}' in this folder first.")
+    return Checkpoint.load(path, device)
 
 
 def _take_over(network: KPRed, name: str | os.PathLike[str]) -> None:
@@ -126,14 +138,17 @@ def _record(
     stages: Sequence[str],
     start_from: str | os.PathLike[str] | None,
     shapes: dict[str, Any],
+    processes: int,
 ) -> None:
     """What the weights were made of, beside them: the facts of the model card."""
-    values = {
+    values: dict[str, Any] = {
         "model": model_config.to_dict(),
         "stages": list(stages),
         "start_from": None if start_from is None else str(start_from),
         "training": config.to_dict(),
         "shapes": shapes,
     }
+    if processes > 1:
+        values["processes"] = processes  # each with batches of its own
     with atomic_path(folder / "model" / "training.json") as temporary:
         temporary.write_text(json.dumps(values, indent=2) + "\n")
