@@ -22,6 +22,14 @@ TURN_ODDS = -0.3
 TRIED_AXES = 3
 """Up axes that the recognizer is asked about, the likeliest first."""
 
+GLANCE_POINTS = 128
+CLOSE_AXES = 2.5
+GLANCE_TURNS = 4
+"""The recognizer is first asked with so few points. On 300 scans of shapes it was not trained on, axes that it then
+puts more than this apart (log-odds) are in the same order with all points. The others are asked about again with all
+points, in so many of their best turns.
+"""
+
 EVIDENCE_SHARE = 0.5
 """Weight of the geometric evidence for an up axis where the recognizer has its say too: each is too sure of itself."""
 
@@ -52,12 +60,21 @@ def up_axis(points: np.ndarray, up: str, recognizer: Recognizer | None = None) -
     order = sorted(scores, key=lambda name: -scores[name])
     if recognizer is None:
         return order[0]
+    axes = order[:TRIED_AXES]
+    before = np.array([PRIOR[name] + EVIDENCE_SHARE * (scores[name] - PRIOR[name]) for name in axes])
     turns = [yaw_rotation(turn) for turn in np.radians(np.arange(0, 360, 30))]
-    total = {}
-    for name in order[:TRIED_AXES]:
-        odds, _ = ask(points[:POINTS], [turn @ upright_rotation(name) for turn in turns], recognizer)
-        total[name] = PRIOR[name] + EVIDENCE_SHARE * (scores[name] - PRIOR[name]) + float(odds.max())
-    return max(total, key=lambda name: total[name])
+    rotations = [[turn @ upright_rotation(name) for turn in turns] for name in axes]
+    # Few points tell most axes apart; those that are close are asked about again with all, in their best turns.
+    glance, _ = ask(points[:GLANCE_POINTS], [one for each in rotations for one in each], recognizer)
+    odds = glance.max(axis=1).reshape(len(axes), len(turns))
+    total = before + odds.max(axis=1)
+    close = np.flatnonzero(total >= total.max() - CLOSE_AXES)
+    if len(close) == 1:
+        return axes[int(close[0])]
+    best = np.argsort(-odds, axis=1)[:, :GLANCE_TURNS]
+    closely, _ = ask(points[:POINTS], [rotations[axis][turn] for axis in close for turn in best[axis]], recognizer)
+    total = before[close] + closely.max(axis=1).reshape(len(close), -1).max(axis=1)
+    return axes[int(close[int(total.argmax())])]
 
 
 def placements(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from kpred.fitting.normals import estimate_normals
@@ -48,20 +50,41 @@ def up_scores(points: Float[np.ndarray, "points 3"]) -> dict[str, float]:
     sample = sample / size
     reach = neighbourhood(sample).reach
     scores = {}
+    # Most axes have no floor, and then all of them ask for the normals of the same points.
+    whole: _Surface | None = None
     for name, axis in UP_AXES.items():
         up = np.array(axis, dtype=np.float64)
         floor = floor_stub(sample, reach, up, 1.0, least_beyond=0.15)
-        object_points = sample if floor is None else sample[~floor.points]
         scores[name] = PRIOR[name] + (0.0 if floor is None else FLOOR)
-        if len(object_points) >= 64:
-            scores[name] += float(_evidence(object_points, up) @ WEIGHTS)
+        if floor is None:
+            surface = whole = whole or _surface(sample)
+        elif np.count_nonzero(~floor.points) >= 64:
+            surface = _surface(sample[~floor.points])
+        else:
+            continue
+        scores[name] += float(_evidence(surface, up) @ WEIGHTS)
     return scores
 
 
-def _evidence(points: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Ten numbers that tell standing furniture from furniture that lies or hangs, none depending on unit or yaw."""
-    normals, planarity = estimate_normals(points, points[:: max(1, len(points) // 1024)], 10)
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Points (N, 3), some of them (S, 3), their normals (S, 3), and how planar it is around them (S,)."""
+
+    points: np.ndarray
+    sampled: np.ndarray
+    normals: np.ndarray
+    planarity: np.ndarray
+
+
+def _surface(points: np.ndarray) -> _Surface:
     sampled = points[:: max(1, len(points) // 1024)]
+    return _Surface(points, sampled, *estimate_normals(points, sampled, 10))
+
+
+def _evidence(surface: _Surface, up: np.ndarray) -> np.ndarray:
+    """Ten numbers that tell standing furniture from furniture that lies or hangs, none depending on unit or yaw."""
+    points, sampled = surface.points, surface.sampled
+    normals, planarity = surface.normals, surface.planarity
     height = points @ up
     low, high = np.quantile(height, [0.005, 0.995])
     extent = max(float(high - low), 1e-9)
