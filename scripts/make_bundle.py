@@ -1,6 +1,6 @@
 """Make src/kpred/bundled/ from trained runs: weights, model cards, starter database, sample scan.
 
-    python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation rows.json]
+    python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation full.json ...]
 
 RUNS_FOLDER holds runs by `scripts/train_within.py` or `kpred train`, or some of them: CATEGORY of kp-red-plus,
 kp-red/CATEGORY of kp-red, and recognizer. INFINIGEN_FOLDER has infinigen's packs.
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path)
     parser.add_argument("infinigen", type=Path)
-    parser.add_argument("--evaluation", type=Path, help="JSON of kpred evaluate, for the model cards")
+    parser.add_argument("--evaluation", type=Path, nargs="*", default=[], help="JSON of kpred evaluate table full")
     parser.add_argument("--only", choices=("weights", "database", "scan", "cards"), nargs="*")
     options = parser.parse_args()
     parts = options.only or ("weights", "database", "scan", "cards")
@@ -105,9 +106,9 @@ def make_scan(infinigen: Path) -> None:
     trimesh.PointCloud(placed).export(BUNDLED / "chair_scan.ply")
 
 
-def write_cards(evaluation: Path | None) -> None:
+def write_cards(evaluations: Sequence[Path]) -> None:
     """Model cards: data, steps, seed, measured numbers."""
-    rows = json.loads(evaluation.read_text())["rows"] if evaluation else []
+    rows = [row for evaluation in evaluations for row in json.loads(evaluation.read_text())["rows"]]
     for name, preset in (("model", "kp-red-plus"), ("kp-red", "kp-red")):
         for category in CATEGORIES:
             folder = BUNDLED / name / category
