@@ -34,9 +34,7 @@ def _surface(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarr
     spread=st.sampled_from([0.0, 1e-30, 1e-3, 1.0, 1e3, 1e18]),
     levels=st.sampled_from([0, 2, 9]),
 )
-def test_blocks_are_brute_force_to_the_bit(
-    seed: int, batch: int, n: int, m: int, spread: float, levels: int
-) -> None:
+def test_blocks_are_brute_force_to_the_bit(seed: int, batch: int, n: int, m: int, spread: float, levels: int) -> None:
     """Also where many points are equally near: coordinates of a few levels."""
     generator = np.random.default_rng(seed)
     query, reference = generator.normal(size=(batch, n, 3)), generator.normal(size=(batch, m, 3))
