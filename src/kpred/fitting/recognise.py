@@ -101,7 +101,9 @@ def ask(
         clouds = clouds - clouds.mean(axis=1, keepdims=True)
         clouds = clouds / max(float(np.abs(clouds).max()), np.finfo(float).tiny)
         # A few clouds at a time: what lies between two layers then stays in the processor's cache.
-        answers = [recognizer(part) for part in torch.from_numpy(clouds).float().split(max(1, AT_ONCE // points.shape[0]))]
+        answers = [
+            recognizer(part) for part in torch.from_numpy(clouds).float().split(max(1, AT_ONCE // points.shape[0]))
+        ]
         logits, missing = (torch.cat(parts) for parts in zip(*answers, strict=True))
         logits = torch.log_softmax(logits, dim=1)
         # Against "none" alone: other categories are other readings.
