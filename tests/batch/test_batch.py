@@ -245,3 +245,19 @@ def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
     assert report.fitted == 6
     assert dict(report.failed)["few.xyz"] == "the process that fitted it died"
     assert len(rows(out)) == 6
+
+
+def test_shares_of_a_gpu_need_a_cluster(place, settings, tmp_path):
+    with pytest.raises(ConfigError, match="--ray local"):
+        fit_many(place / "scans", tmp_path / "out", settings, gpus=0.25)
+    assert not (tmp_path / "out").exists()
+
+
+def test_networks_on_a_device_find_the_same(place, settings, whole, tmp_path):
+    from kpred.batch.worker import fit_task
+
+    task = next(task for task in read_tasks(place / "scans") if task.name == "scan 0.npy")
+    # Another name of the CPU goes the way of every device: what goes into a network moves there, and back.
+    outcome = fit_task(task, settings, str(tmp_path), device="cpu:0")
+    assert outcome.problem == ""
+    assert outcome.row == contents(whole[0])["scan 0.npy"]["batch"]

@@ -5,39 +5,24 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from kpred.batch.ray_cluster import RayCluster
 from kpred.batch.task import Task
 from kpred.batch.worker import BatchSettings, Outcome, fit_task, single_threaded
-from kpred.errors import ConfigError
 
 
 class RayCrew:
     """Actors of one CPU each, on machines that all see scans and output folder under the same paths."""
 
-    def __init__(self, address: str, size: int | None, settings: BatchSettings, out: str) -> None:
-        """`address`: `auto`, `local` (a cluster of its own on this machine) or the head's address; `size`: number of
-        actors, None for one a CPU of the cluster.
+    def __init__(self, address: str, size: int | None, settings: BatchSettings, out: str, gpus: float = 0.0) -> None:
+        """See `RayCluster`; with `gpus` the networks run on the GPU.
 
         Raises:
-            ConfigError: Ray is not installed, or no cluster is at that address.
+            ConfigError: Ray is not installed, no cluster is at that address, or it has too few GPUs.
         """
-        try:
-            import ray
-        except ImportError as error:
-            raise ConfigError("Fitting on a cluster needs Ray; pip install 'kpred[ray]'.") from error
-        self._ray: Any = ray
-        self._begun = not ray.is_initialized()
-        try:
-            if self._begun:
-                options = {"num_cpus": size, "include_dashboard": False} if address == "local" else {}
-                ray.init(address=address, logging_level="error", log_to_driver=False, **options)
-        except (ConnectionError, ValueError, RuntimeError, TimeoutError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise ConfigError(
-                f"No Ray cluster was found at {address!r} ({reason}); start one, or give its address."
-            ) from error
-        self.size = size or max(1, int(ray.cluster_resources().get("CPU", 1)))
-        kind = ray.remote(num_cpus=1, max_restarts=-1)(_Worker)
-        self._idle: deque[Any] = deque(kind.remote(settings, out) for _ in range(self.size))
+        self._cluster = RayCluster(address, size, gpus)
+        self._ray = self._cluster.ray
+        self.size = self._cluster.size
+        self._idle: deque[Any] = deque(self._cluster.actors(_Worker, settings, out, "cuda" if gpus else "cpu"))
         self._tasks: dict[Any, tuple[Task, Any]] = {}
 
     def start(self, task: Task) -> None:
@@ -66,19 +51,18 @@ class RayCrew:
         """See `Crew`."""
         for actor in self._idle:
             self._ray.kill(actor)
-        if self._begun:
-            self._ray.shutdown()
+        self._cluster.close()
 
 
 class _Worker:
     """What runs on the cluster."""
 
-    def __init__(self, settings: BatchSettings, out: str) -> None:
+    def __init__(self, settings: BatchSettings, out: str, device: str) -> None:
         single_threaded()
-        self._settings, self._out = settings, out
+        self._settings, self._out, self._device = settings, out, device
 
     def fit(self, task: Task) -> Outcome:
-        return fit_task(task, self._settings, self._out)
+        return fit_task(task, self._settings, self._out, self._device)
 
     def pid(self) -> int:
         import os

@@ -46,6 +46,7 @@ def fit_many(
     workers: int | None = None,
     ray: str | None = None,
     attempts: int = 3,
+    gpus: float = 0.0,
     progress: Callable[[BatchReport], None] | None = None,
 ) -> BatchReport:
     """Fit all scans of a folder or Parquet manifest into the folder `out` (see `kpred.batch.ledger` for its layout).
@@ -59,14 +60,17 @@ def fit_many(
         settings: how the scans are fitted.
         workers: processes, one thread each; by default one a core, on Ray one a CPU of the cluster.
         ray: address of a Ray cluster, `auto` or `local`; None works with processes of this machine.
+        gpus: share of a GPU that each worker on Ray takes; its networks then run there.
         progress: called after each scan.
 
     Raises:
         ManifestError: no scans there, no manifest, or `out` belongs to another batch or run.
-        ConfigError: an impossible argument, or no Ray. ModelError, DatabaseError: they cannot be opened.
+        ConfigError: an impossible argument, no Ray, or too few GPUs. ModelError, DatabaseError: they cannot be opened.
     """
     if attempts < 1 or (workers is not None and workers < 1):
         raise ConfigError(f"A batch needs at least 1 worker and 1 attempt, not {workers} and {attempts}.")
+    if gpus and ray is None:
+        raise ConfigError("Shares of a GPU are given out by Ray; name a cluster (--ray local), or take no GPU.")
     chosen = _absolute(settings or BatchSettings())
     tasks = read_tasks(Path(source).resolve())
     first = next(tasks, None)
@@ -74,7 +78,7 @@ def fit_many(
     place = Path(out).resolve()
     job = {"source": str(Path(source).resolve()), **chosen.to_dict()}
     with Ledger(place, job) as ledger:
-        crew = _crew(ray, workers, chosen, str(place))
+        crew = _crew(ray, workers, chosen, str(place), gpus)
         try:
             report = _Batch(crew, ledger, attempts, progress).run(_chain(first, tasks))
         finally:
@@ -166,11 +170,11 @@ def _absolute(settings: BatchSettings) -> BatchSettings:
     return replace(settings, model=absolute(settings.model), database=absolute(settings.database))
 
 
-def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: str) -> Crew:
+def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: str, gpus: float) -> Crew:
     if ray is not None:
         from kpred.batch.ray_crew import RayCrew
 
-        return RayCrew(ray, workers, settings, out)
+        return RayCrew(ray, workers, settings, out, gpus)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return ProcessCrew(workers or cores, settings, out)
 

@@ -6,10 +6,14 @@ import json
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from kpred.batch.task import Task
+
+if TYPE_CHECKING:
+    from kpred.nn import Model
 
 
 @dataclass(frozen=True)
@@ -62,8 +66,11 @@ def single_threaded() -> None:
         numba.set_num_threads(1)
 
 
-def fit_task(task: Task, settings: BatchSettings, out: str) -> Outcome:
-    """Fit one scan, write `stem`.json and its mesh below `out`, all or none, and say what became of it."""
+def fit_task(task: Task, settings: BatchSettings, out: str, device: str = "cpu") -> Outcome:
+    """Fit one scan, write `stem`.json and its mesh below `out`, all or none, and say what became of it.
+
+    `device`: where the networks run; all else is the CPU's.
+    """
     from kpred.errors import KpredError, OutputError, ScanError
     from kpred.fitting.fit_scan import fit
     from kpred.shapes.atomic import write_together
@@ -74,7 +81,7 @@ def fit_task(task: Task, settings: BatchSettings, out: str) -> Outcome:
     try:
         found = fit(
             task.path,
-            settings.model,
+            settings.model if device == "cpu" else _placed(settings.model, device),
             settings.database,
             task.category or settings.category,
             top_k=settings.top_k,
@@ -112,6 +119,26 @@ def fit_task(task: Task, settings: BatchSettings, out: str) -> Outcome:
     except Exception as error:  # one bad scan must not stop the rest, whatever is wrong with it
         return Outcome(task.name, None, f"{type(error).__name__}: {error}", again=True)
     return Outcome(task.name, row)
+
+
+@lru_cache(maxsize=1)
+def _placed(name: str | None, device: str) -> Model:
+    """The model with its networks on a device: what goes into each moves there, and what comes out moves back."""
+    from torch import Tensor, nn
+
+    from kpred.nn import load_model
+
+    def moved(values: Any, where: str) -> Any:
+        if isinstance(values, tuple):
+            return tuple(moved(value, where) for value in values)
+        return values.to(where) if isinstance(values, Tensor) else values
+
+    model = load_model(name).to(device)
+    parts: list[nn.Module] = [part for network in model.values() for part in network.children()]
+    for part in [*parts, *([model.recognizer] if model.recognizer is not None else [])]:
+        part.register_forward_pre_hook(lambda _, inputs: moved(inputs, device))
+        part.register_forward_hook(lambda _, __, output: moved(output, "cpu"))
+    return model
 
 
 def _plain(value: Any) -> Any:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
+
+if TYPE_CHECKING:
+    from kpred.batch.ray_encoder import RayEncoder
+    from kpred.nn import Model
 
 DatabasePath = Annotated[Positional[str], arg(metavar="DATABASE")]
 Source = Annotated[Positional[Path], arg(metavar="PACK_OR_FOLDER")]
@@ -30,8 +36,12 @@ class _Encoding(Command):
     """Models encoded together and written in one transaction"""
     seed: Annotated[int, arg(metavar="SEED")] = 0
     """Of the points sampled on the models"""
-    workers: Annotated[int, arg(metavar="N")] = 1
-    """Processes that encode, one thread each; 1 is this one, with its threads"""
+    workers: Annotated[int | None, arg(metavar="N")] = None
+    """Processes that encode, one thread each; without it this one, with its threads (on Ray, one a CPU)"""
+    ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Encode on a Ray cluster: auto, local or its address; only this machine needs to see meshes and database"""
+    gpus_per_worker: Annotated[float, arg(metavar="SHARE")] = 0.0
+    """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
 
     def encode(self, output: Output, source: Path, file: str, resume: bool) -> None:
         """Encode the shapes of `source` into `file`, with a progress bar, and print what was done."""
@@ -41,12 +51,14 @@ class _Encoding(Command):
         from kpred.nn import load_model
         from kpred.shapes import open_shapes
 
+        if self.gpus_per_worker and self.ray is None:
+            raise UsageError("--gpus-per-worker needs --ray (auto, local or an address)")
         unreadable: list[str] = []
         is_new = not Database.exists(file)
         shapes = open_shapes(source, self.category, self.split, report=unreadable.append)
         model = load_model(self.model)
         try:
-            with ProgressBar() as bar:
+            with self._cluster(model) as encoder, ProgressBar() as bar:
                 report = build_database(
                     file,
                     shapes,
@@ -54,8 +66,9 @@ class _Encoding(Command):
                     batch=self.batch,
                     seed=self.seed,
                     resume=resume,
-                    workers=self.workers,
+                    workers=1 if self.workers is None else self.workers,
                     progress=lambda done: bar.update("encoding models", done),
+                    encoder=encoder,
                 )
                 if report.added:
                     with Database.open(file) as database:
@@ -80,6 +93,22 @@ class _Encoding(Command):
             output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
         output.note(f"{file}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out")
 
+    @contextmanager
+    def _cluster(self, model: Model) -> Iterator[RayEncoder | None]:
+        """The workers of a Ray cluster, where one is asked for."""
+        if self.ray is None:
+            yield None
+            return
+        from kpred.batch.ray_encoder import RayEncoder
+
+        if self.workers is not None and self.workers < 1:
+            raise UsageError("--workers must be at least 1.")
+        encoder = RayEncoder(model, self.ray, self.workers, self.gpus_per_worker)
+        try:
+            yield encoder
+        finally:
+            encoder.close()
+
 
 @dataclass(frozen=True, kw_only=True)
 class BuildCommand(_Encoding):
@@ -91,6 +120,7 @@ class BuildCommand(_Encoding):
       kpred database build meshes/ -o mine.kpred
       kpred database build chair.npz --split source -o chairs.kpred
       kpred database build my_chairs/ --category chair --model runs/chair/model -o chairs.kpred
+      kpred database build catalogue.parquet -o mine.kpred --ray auto
     """
 
     source: Source

@@ -49,6 +49,7 @@ def build_database(
     resume: bool = True,
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
+    encoder: Encoder | None = None,
 ) -> BuildReport:
     """Encode shapes (model id, category, split, mesh) and put them into the database at `path`.
 
@@ -67,6 +68,7 @@ def build_database(
         progress: called with the number of shapes that are done with, after each of them and after each batch.
         workers: processes that encode, one thread each; 1 is this process alone, with its threads. The content of the
             database does not depend on it, but for the last digits of sums.
+        encoder: who encodes instead, such as the workers of a cluster (`kpred.batch.ray_encoder`); it is not closed.
 
     Raises:
         DatabaseError: the file is not a database, was made by other weights, is locked or cannot be written.
@@ -75,11 +77,13 @@ def build_database(
         raise DatabaseError(
             f"Database {path}: a build needs at least 1 model a batch and 1 worker, not {batch}, {workers}."
         )
-    encoder: Encoder = InThisProcess(model) if workers == 1 else InProcesses(model, workers)
-    try:
+    if encoder is not None:
         return _built(path, shapes, model, batch, seed, resume, progress, encoder)
+    own: Encoder = InThisProcess(model) if workers == 1 else InProcesses(model, workers)
+    try:
+        return _built(path, shapes, model, batch, seed, resume, progress, own)
     finally:
-        encoder.close()
+        own.close()
 
 
 def _built(
@@ -123,7 +127,7 @@ class _Build:
         self.database = database
         self.categories = frozenset(model)
         self.encoder = encoder
-        self.started: deque[Callable[[], list[Entry]]] = deque()
+        self.started: deque[tuple[list[str], Callable[[], list[Entry]]]] = deque()
         self.model_name = str(getattr(model, "name", ""))
         self.batch = batch
         self.seed = seed
@@ -168,14 +172,18 @@ class _Build:
         self.waiting.setdefault(category, []).append((prepared, {"split": split}))
 
     def _encode(self, category: str) -> None:
-        self.started.append(self.encoder.start(category, self.waiting.pop(category, [])))
+        batch = self.waiting.pop(category, [])
+        self.started.append(([item.model_id for item, _ in batch], self.encoder.start(category, batch)))
         while len(self.started) > self.encoder.ahead:
             self._commit()
 
     def _commit(self) -> None:
         """Put the batch that was handed in first into the database."""
-        entries = []
-        for entry in self.started.popleft()():
+        names, found = self.started.popleft()
+        encoded, entries = found(), []
+        died = set(names) - {entry.model_id for entry in encoded}
+        self.report.failed += [(name, "the process that encoded it died") for name in names if name in died]
+        for entry in encoded:
             try:
                 entry.check()
             except DatabaseError as error:
