@@ -70,7 +70,7 @@ def test_a_warp_that_is_not_affine_is_found(database: kpred.Database, target: to
     caged, errors = with_cages(before, before.errors(), database, CONFIG)
     again = _mesh_sample(database, before.model_ids[0], lambda v: _taller_seat(torch.from_numpy(v)).numpy(), seed=6)
     floor = chamfer_distance(target[None], again[None])[0]
-    assert errors[0] < 1.1 * floor < 0.7 * before.errors()[0]
+    assert errors[0] < 1.25 * floor < 0.8 * before.errors()[0]
     assert torch.allclose(errors, caged.errors(), rtol=1e-4)
     assert sum(warp is not None for warp in caged.warps or ()) == CONFIG.cage_finalists
     for row, warp in enumerate(caged.warps or ()):
@@ -83,7 +83,7 @@ def test_what_is_measured_is_the_mesh_that_is_delivered(database: kpred.Database
     caged, errors = with_cages(before, before.errors(), database, CONFIG)
     row = int(errors.argmin())
     entry = database.entry(caged.model_ids[row])
-    mesh = _mesh_sample(database, entry.model_id, lambda v: caged.result_of(row, v, entry.vertex_basis))
+    mesh = _mesh_sample(database, entry.model_id, lambda v: caged.result_of(row, v, entry.vertex_basis), seed=7)
     again = _mesh_sample(database, entry.model_id, lambda v: _taller_seat(torch.from_numpy(v)).numpy(), seed=6)
     floor = float(chamfer_distance(target[None], again[None]))
     assert float(chamfer_distance(target[None], mesh[None])) == pytest.approx(float(errors[row]), abs=0.3 * floor)
