@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,13 +36,13 @@ class _MeasuredCommand(PackTableCommand, ModelOptions):
         """Folders of peers by their name in the table."""
         return named(self.peer, "peer")
 
+    @abstractmethod
     def config(self) -> TableConfig:
         """The plan."""
-        raise NotImplementedError
 
+    @abstractmethod
     def show(self, output: Output, table: Table) -> None:
         """Print the table."""
-        raise NotImplementedError
 
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,9 +27,9 @@ class _PlotCommand(Command):
     seed: Annotated[int, arg(metavar="SEED")] = 0
     """Of everything that is drawn by chance; the same arguments give the same figure"""
 
+    @abstractmethod
     def draw(self) -> Figure:
         """The figure."""
-        raise NotImplementedError
 
     def run(self, output: Output) -> None:
         """Draw and write."""
