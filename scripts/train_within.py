@@ -103,7 +103,7 @@ def train_recognizer(what: str, packs: list[MeshPack], folder: Path, end: float,
     began = time.monotonic()
     data = prepare_recognition(packs, RECOGNITION.seed, device)
     _say(folder, f"{len(data.clouds)} shapes, prepared in {time.monotonic() - began:.0f} s")
-    architecture = RecognizerConfig(categories=data.categories)
+    architecture = RecognizerConfig(categories=data.categories, completeness=True)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(RECOGNITION.seed)
         network = Recognizer(architecture).to(device)

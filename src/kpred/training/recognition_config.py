@@ -24,7 +24,7 @@ class RecognitionConfig:
         stretch: clouds are scaled per axis by up to this factor.
         noise, outliers: most jitter (unit box) and stray points (share) of a cloud.
         floor: share of clouds that stand on a piece of floor, of which cleaning may have left a part.
-        turn_weight: of the error of the turn, in units of `MOST_TURN`.
+        turn_weight: of the error of the turn, in units of `MOST_TURN`; whole_weight: of the answer whether all is seen.
         seed, checkpoint_every, precision, compile: as in `TrainConfig`.
     """
 
@@ -41,6 +41,7 @@ class RecognitionConfig:
     outliers: float = 0.02
     floor: float = 0.1
     turn_weight: float = 1.0
+    whole_weight: float = 0.3
     seed: int = 0
     checkpoint_every: int = 200
     precision: Literal["float32", "bfloat16"] = "float32"
