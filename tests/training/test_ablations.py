@@ -8,9 +8,18 @@ import pytest
 import torch
 
 from kpred.errors import CheckpointError, ConfigError
-from kpred.nn import KPRed, ModelConfig, load_network
+from kpred.nn import STAGES, KPRed, ModelConfig, load_network
 from kpred.shapes.pack import MeshPack
-from kpred.training.ablations import FULL_ROWS, PARTIAL_ROWS, ROWS, Ablation, AblationRuns, rows_named
+from kpred.training.ablation_weights import RunParts, TrainedRuns, parts_of, read_runs, write_runs
+from kpred.training.ablations import (
+    FULL_ROWS,
+    PARTIAL_ROWS,
+    ROWS,
+    Ablation,
+    AblationRuns,
+    recorded_training,
+    rows_named,
+)
 from kpred.training.config import StageConfig, TrainConfig
 
 MODEL = ModelConfig(category="table", width=16, token_size=8, region_points=16)
@@ -18,6 +27,8 @@ STAGE = StageConfig(steps=3, batch=2)
 TRAIN = TrainConfig(
     deformation=STAGE, retrieval=STAGE, partial=STAGE, points=96, keypoint_points=64, warmup=1, checkpoint_every=1
 )
+
+WORDS = {"with": "f", "without": "a"}
 
 
 def _runs(pack: MeshPack, folder: Path, config: TrainConfig = TRAIN, report=None) -> AblationRuns:
@@ -124,3 +135,61 @@ def test_other_settings_data_and_damage_are_refused(pack: MeshPack, tmp_path: Pa
         (tmp_path / "e" / "ablation.json").write_text(text)
         with pytest.raises(CheckpointError, match=r"ablation.json is damaged"):
             _runs(pack, tmp_path).weights(row)
+
+
+def _as_parts(trained: dict[str, KPRed]) -> RunParts:
+    parts = {row: parts_of(trained[row], "retrieval") for row in "abcdef"}
+    parts |= {f"deformation-{word}-gsa": parts_of(trained[row], "deformation") for word, row in WORDS.items()}
+    return parts | {row.name: parts_of(trained[row.name], "partial") for row in PARTIAL_ROWS}
+
+
+def test_rows_that_were_trained_elsewhere_are_taken_over(
+    pack: MeshPack, trained: dict[str, KPRed], tmp_path: Path
+) -> None:
+    file = tmp_path / "trained.safetensors"
+    write_runs(file, TrainedRuns(MODEL, TRAIN, "hash of the pack", _as_parts(trained), {"device": "elsewhere"}))
+    found = read_runs(file)
+    assert (found.model, found.training, found.data) == (MODEL, TRAIN, "hash of the pack")
+    assert found.facts == {"device": "elsewhere"}
+    runs = _runs(pack, tmp_path / "runs", found.training)
+    assert runs.adopt(found.parts) == list(ROWS)
+    for name, row in ROWS.items():
+        assert runs.finished(row)
+        network = load_network(runs.weights(row))
+        for stage in ("deformation", "retrieval", *(["partial"] if row.partial else [])):
+            for part in STAGES[stage]:
+                assert _same(network, trained[name], part), (name, part)
+
+
+def test_of_what_was_trained_elsewhere_only_whole_rows_are_taken(
+    pack: MeshPack, trained: dict[str, KPRed], tmp_path: Path
+) -> None:
+    parts = _as_parts(trained)
+    for run in ("deformation-without-gsa", "e", "without-cb"):
+        del parts[run]
+    runs = _runs(pack, tmp_path)
+    assert runs.adopt(parts) == ["c", "d", "f", "with-cb"]
+    assert not (tmp_path / "a").exists()
+    assert not runs.finished(ROWS["e"])
+    file = tmp_path / "trained.safetensors"
+    write_runs(file, TrainedRuns(MODEL, TRAIN, "hash", parts, {}))
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(CheckpointError, match="not all of it"):
+        read_runs(file)
+    with pytest.raises(CheckpointError, match="no such file"):
+        read_runs(tmp_path / "none.safetensors")
+
+
+def test_the_settings_of_rows_are_read_back_if_they_are_all_the_same(
+    pack: MeshPack, trained: dict[str, KPRed], tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match="holds no rows"):
+        recorded_training(tmp_path, FULL_ROWS)
+    _runs(pack, tmp_path).adopt(_as_parts(trained))
+    assert recorded_training(tmp_path, list(ROWS.values())) == TRAIN
+    record = json.loads((tmp_path / "e" / "ablation.json").read_text())
+    record["training"]["retrieval"]["steps"] = 4
+    (tmp_path / "e" / "ablation.json").write_text(json.dumps(record))
+    with pytest.raises(ConfigError, match=r"rows a and e were trained differently \(retrieval\)"):
+        recorded_training(tmp_path, list(ROWS.values()))
+    assert recorded_training(tmp_path, rows_named(["c", "f"])) == TRAIN

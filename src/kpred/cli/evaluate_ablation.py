@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
 from kpred.cli.output import Output
 from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, label, print_pivot, shown
+from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Series, Table
@@ -30,6 +31,7 @@ class AblationCommand(PackTableCommand):
       kpred evaluate table ablation chair.npz table.npz cabinet.npz --runs runs/ablation --steps 3000 -o ablation.json
       kpred evaluate table ablation chair.npz --runs runs/ablation --steps 3000 --rows e f --preset kp-red
       kpred evaluate table ablation chair.npz --runs runs/ablation --steps 3000 --finished
+      kpred evaluate table ablation chair.npz --runs runs/ablation --as-trained
     """
 
     runs: Annotated[Path, arg(metavar="FOLDER")] = Path("runs/ablation")
@@ -59,6 +61,8 @@ class AblationCommand(PackTableCommand):
     """Of the training"""
     source_split: Annotated[str | None, arg(metavar="NAME")] = None
     """In training, deform shapes of this split only (the paper: source)"""
+    as_trained: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Take the training's settings, steps included, from the rows in --runs; refused where rows differ in them"""
     finished: Annotated[bool, arg(help_behavior_hint="")] = False
     """Train nothing: only rows that are trained to the end"""
     top_k: Annotated[int, arg(metavar="K")] = 10
@@ -80,11 +84,13 @@ class AblationCommand(PackTableCommand):
         from kpred.evaluation.measuring import SourcePack
         from kpred.evaluation.tables import TableConfig
         from kpred.nn.config import preset
-        from kpred.training.ablations import AblationRuns, rows_named
+        from kpred.training.ablations import AblationRuns, recorded_training, rows_named
 
         self.check()
+        self._check_settings()
         rows = rows_named(self.rows)
         training, device = self._training(), found_device(self.device)
+        trained: dict[str, dict[str, Any]] = {}
         if self.threads is not None:
             limit_threads(self.threads)
         config = TableConfig("full", self.split, self.limit, self.seed, (self.top_k,), self.occlusions)
@@ -97,10 +103,12 @@ class AblationCommand(PackTableCommand):
 
                 def runs(source: SourcePack, folder: Path, data_hash: str) -> AblationRuns:
                     model = preset(self.preset, source.pack.category)
+                    own = recorded_training(folder, rows) if self.as_trained else training
+                    trained[f"{source.dataset}/{source.pack.category}"] = own.to_dict()
                     return AblationRuns(
                         [source.pack],
                         model,
-                        training,
+                        own,
                         folder,
                         data_hash,
                         device,
@@ -117,7 +125,8 @@ class AblationCommand(PackTableCommand):
                 f"{self.runs} keeps what was trained and measured; the same command goes on from it, and with "
                 "--finished prints what there is"
             ) from error
-        table.header["training"] = training.to_dict()
+        same = all(one == training.to_dict() for one in trained.values())
+        table.header["training"] = training.to_dict() if same else trained
         self.finish(output, table, time.perf_counter() - began, self.show)
 
     def show(self, output: Output, table: Table) -> None:
@@ -139,6 +148,11 @@ class AblationCommand(PackTableCommand):
                 )
         _print_effects(output, table)
         output.note(NOTE)
+
+    def _check_settings(self) -> None:
+        given = (self.steps, self.deformation_steps, self.retrieval_steps, self.partial_steps)
+        if self.as_trained and any(steps is not None for steps in given):
+            raise UsageError("--as-trained takes the steps from the rows in --runs; leave out --steps and its kin.")
 
     def _training(self) -> TrainConfig:
         from kpred.training.config import PAPER, TrainConfig

@@ -21,6 +21,7 @@ from kpred.nn import STAGES, KPRed, ModelConfig, save_network
 from kpred.nn.loading import WEIGHTS_FILE
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
+from kpred.training.ablation_weights import RunParts, load_parts
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import TrainConfig
 from kpred.training.data import Progress, TrainingData, prepare
@@ -85,6 +86,33 @@ def rows_named(names: Sequence[str]) -> tuple[Ablation, ...]:
     return tuple(row for name, row in ROWS.items() if name in names)
 
 
+def deformation_run(row: Ablation) -> str:
+    """Name of the run whose keypoints and influence a row has."""
+    return f"deformation-{'with' if row.gsa else 'without'}-gsa"
+
+
+def recorded_training(folder: Path, rows: Sequence[Ablation]) -> TrainConfig:
+    """The settings by which the rows below a category's folder were trained; rows that are not there do not count.
+
+    Raises:
+        ConfigError: they were trained by different ones, and so say nothing about their parts; or none is there.
+        CheckpointError: a record is damaged.
+    """
+    found = {row.name: record for row in rows if (record := _read_record(folder / row.name)) is not None}
+    if not found:
+        raise ConfigError(f"{folder} holds no rows; train some, or copy them there.")
+    first, *others = found
+    for name in others:
+        one, other = found[first]["training"], found[name]["training"]
+        changed = [key for key in one if one[key] != other.get(key)]
+        if changed:
+            raise ConfigError(
+                f"{folder}: rows {first} and {name} were trained differently ({', '.join(changed)}), so that they "
+                "cannot be compared; train them by the same settings, or name only rows that were."
+            )
+    return TrainConfig.from_dict(found[first]["training"])
+
+
 class AblationRuns:
     """The runs of one category's ablations below one folder.
 
@@ -137,8 +165,32 @@ class AblationRuns:
             self._retrieval(row)
         return folder / "model"
 
+    def adopt(self, parts: RunParts) -> list[str]:
+        """Take over runs that were trained elsewhere by these settings on these data; names of the rows that are whole.
+
+        What a row lacks is left out: its folder is not touched, and `weights` trains it.
+
+        Raises:
+            CheckpointError: a folder holds a run by other settings or data.
+            OutputError: a folder cannot be written.
+        """
+        taken = []
+        for row in ROWS.values():
+            before = {"deformation": deformation_run(row), "retrieval": "f" if row.partial else row.name}
+            needed = before | ({"partial": row.name} if row.partial else {})
+            if any(run not in parts for run in needed.values()):
+                continue
+            network = new_network(row.changed(self.model), self.config.seed)
+            for stage, run in needed.items():
+                load_parts(network, parts[run], stage)
+            self._claim(row.name, row)
+            save_network(network, self.folder / row.name / "model")
+            self._claim(row.name, row, finished=True)
+            taken.append(row.name)
+        return taken
+
     def _retrieval(self, row: Ablation) -> KPRed:
-        name = f"deformation-{'with' if row.gsa else 'without'}-gsa"
+        name = deformation_run(row)
         # What is learned later does not count: all rows of one GSA share it.
         shared = Ablation(name, gsa=row.gsa)
         for run in (shared, row):

@@ -111,6 +111,19 @@ class TrainConfig:
         """Plain values for checkpoints and records."""
         return dataclasses.asdict(self)
 
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> TrainConfig:
+        """The config written by `to_dict`.
+
+        Raises:
+            ConfigError: if a setting is unknown or has an impossible value.
+        """
+        stages = {name: StageConfig(**values[name]) for name in ("deformation", "retrieval", "partial")}
+        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
+        if unknown:
+            raise ConfigError(f"Training settings {sorted(unknown)} are unknown; are they of a newer kpred?")
+        return cls(**{**values, **stages, "occlusion": tuple(values["occlusion"])})
+
 
 PAPER = TrainConfig(
     deformation=StageConfig(schedule="constant"),

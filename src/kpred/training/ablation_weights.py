@@ -1,0 +1,111 @@
+"""What trained ablation rows are made of, in one small file: how they travel from the machine that trained them.
+
+Rows share parts (`kpred.training.ablations`): each run's own are kept once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from kpred.errors import CheckpointError
+from kpred.nn import STAGES, KPRed, ModelConfig
+from kpred.shapes.atomic import atomic_path
+from kpred.training.config import TrainConfig
+
+KEY = "kpred-ablations"
+
+RunParts = dict[str, dict[str, Tensor]]
+"""Run (`deformation-with-gsa`, a row) -> weights of the parts that it trained, named as in the network."""
+
+
+@dataclass(frozen=True)
+class TrainedRuns:
+    """Runs of one category.
+
+    Attributes:
+        model: settings that all rows share; training: of all runs, with the steps that were made.
+        data: SHA-256 of the pack; parts: of each run.
+        facts: where and how fast it was trained.
+    """
+
+    model: ModelConfig
+    training: TrainConfig
+    data: str
+    parts: RunParts
+    facts: dict[str, Any]
+
+
+def parts_of(network: KPRed, stage: str) -> dict[str, Tensor]:
+    """Weights of the parts that a stage learns, on the CPU."""
+    return {
+        f"{part}.{key}": value.detach().cpu().contiguous()
+        for part in STAGES[stage]
+        for key, value in getattr(network, part).state_dict().items()
+    }
+
+
+def load_parts(network: KPRed, weights: Mapping[str, Tensor], stage: str) -> None:
+    """Put the parts of a stage into a network.
+
+    Raises:
+        KeyError: one is not among the weights. RuntimeError: one does not fit.
+    """
+    for part in STAGES[stage]:
+        module = getattr(network, part)
+        module.load_state_dict({key: weights[f"{part}.{key}"].float() for key in module.state_dict()})
+
+
+def write_runs(file: Path, runs: TrainedRuns) -> None:
+    """Write the file in half precision, atomically.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    tensors = {f"{run}/{key}": value.half() for run, parts in runs.parts.items() for key, value in parts.items()}
+    record = {
+        "model": runs.model.to_dict(),
+        "training": runs.training.to_dict(),
+        "data": runs.data,
+        "facts": runs.facts,
+    }
+    with atomic_path(file) as temporary:
+        save_file(tensors, temporary, metadata={KEY: json.dumps(record)})
+
+
+def read_runs(file: Path) -> TrainedRuns:
+    """Read the file.
+
+    Raises:
+        CheckpointError: it is missing, truncated, or something else.
+    """
+    parts: RunParts = {}
+    try:
+        with safe_open(file, framework="pt") as stored:
+            record = json.loads((stored.metadata() or {})[KEY])
+            for key in stored.keys():  # noqa: SIM118 - it is no dict
+                run, _, name = key.partition("/")
+                parts.setdefault(run, {})[name] = stored.get_tensor(key)
+        return TrainedRuns(
+            ModelConfig.from_dict(record["model"]),
+            TrainConfig.from_dict(record["training"]),
+            record["data"],
+            parts,
+            record["facts"],
+        )
+    except FileNotFoundError as error:
+        raise CheckpointError(f"{file}: there is no such file; give one that train_ablations.py wrote.") from error
+    except (SafetensorError, OSError, KeyError, ValueError, TypeError) as error:
+        raise CheckpointError(f"{file} holds no ablation runs, or not all of it; copy it again.") from error
+
+
+def steps_of(config: TrainConfig) -> dict[str, int]:
+    """Steps of each stage."""
+    return {stage: getattr(config, stage).steps for stage in STAGES}
