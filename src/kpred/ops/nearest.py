@@ -1,9 +1,13 @@
 """Nearest neighbours between small clouds, exact, without a distance matrix that outlives the call.
 
-Two paths give the same numbers: compiled CPU kernels (where numba is installed) and chunked torch (reference, GPU).
+Three paths give the same numbers: compiled CPU kernels (where numba is installed), a fused kernel on CUDA (where Triton
+is), and chunked torch, the reference for both.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -33,7 +37,21 @@ def nearest_neighbours(
         distance, index = (torch.from_numpy(found) for found in nearest_cpu(_array(query), _array(reference)))
         batch = len(query)
         return (distance, index) if len(distance) == batch else (distance.repeat(batch, 1), index.repeat(batch, 1))
+    if query.device.type == "cuda" and query.dtype == reference.dtype == torch.float32:
+        fused = _fused()
+        if fused is not None:
+            return fused(query, reference)
     return nearest_reference(query, reference)
+
+
+@lru_cache(maxsize=1)
+def _fused() -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]] | None:
+    """The kernel for CUDA, imported when it is first needed; None without Triton."""
+    try:
+        from kpred.ops.nearest_cuda import nearest_cuda
+    except ImportError:
+        return None
+    return nearest_cuda
 
 
 def _at_least_single(cloud: Tensor) -> Tensor:
