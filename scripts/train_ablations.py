@@ -48,6 +48,8 @@ SHARES = {"deformation": 0.34, "retrieval": 0.32, "partial": 0.34}
 
 PROBE, SETTLE = 30, 6
 SAFETY = 0.88
+SETTING_UP = 4.0
+"""Seconds before the steps of each stage: bases of all sources, and the timing."""
 GRACE = 15.0
 """Seconds over the end after which what still runs is stopped."""
 
@@ -70,6 +72,7 @@ class Job:
     preset: str
     steps: tuple[int, ...] | None
     base: TrainConfig
+    source_split: str | None
 
 
 def main() -> None:
@@ -83,6 +86,7 @@ def main() -> None:
     train.add_argument("--preset", choices=["kp-red", "kp-red-plus"], default="kp-red")
     train.add_argument("--steps", nargs=3, type=int, metavar=("DEFORMATION", "RETRIEVAL", "PARTIAL"), default=None)
     train.add_argument("--batch", type=int, default=None, help="pairs a step; without it, those of the preset")
+    train.add_argument("--source-split", default=None, help="deform shapes of this split only (the paper: source)")
     train.add_argument("--seed", type=int, default=0)
     unpack = commands.add_parser("unpack", help="make run folders of what was trained")
     unpack.add_argument("files", nargs="+", type=Path)
@@ -112,6 +116,7 @@ def train_rows(arguments: argparse.Namespace) -> None:
             arguments.preset,
             None if arguments.steps is None else tuple(arguments.steps),
             replace(base, seed=arguments.seed),
+            arguments.source_split,
         )
         context = processes.get_context("spawn")
         places = [(number, row.name) for number in range(len(categories)) for row in FULL_ROWS]
@@ -148,7 +153,8 @@ def work(job: Job, index: int, number: int, row: str, barrier: Any, paces: Any) 
     if row == "f":
         data = prepared(job, number, device)
     _wait(barrier, job)
-    data = TrainingData(**torch.load(job.scratch / f"{number}.data", map_location=device)) if data is None else data
+    if data is None:
+        data = TrainingData(**torch.load(job.scratch / f"{number}.data", map_location=device))
     count = barrier.parties
     config = job.base
     for place, stage in enumerate(STAGES):
@@ -178,7 +184,7 @@ def prepared(job: Job, number: int, device: torch.device) -> TrainingData:
     began = time.monotonic()
     pack = MeshPack.load(job.packs[number])
     network = new_network(preset(job.preset, job.categories[number]), job.base.seed).to(device)
-    data = prepare([pack], network, job.base.points, job.base.seed, device, batch=64)
+    data = prepare([pack], network, job.base.points, job.base.seed, device, job.source_split, batch=64)
     file = job.scratch / f"{number}.data"
     torch.save(data.__dict__, file.with_suffix(".part"))
     os.replace(file.with_suffix(".part"), file)
@@ -223,7 +229,10 @@ def with_steps(job: Job, config: TrainConfig, stage: str, a_step: float) -> Trai
         steps = job.steps[order.index(stage)]
     else:
         # The first process to come here decides, and all others read what it decided.
-        left = (job.end - time.monotonic()) * SHARES[stage] / sum(SHARES[name] for name in order[order.index(stage) :])
+        later = order[order.index(stage) :]
+        left = (
+            (job.end - time.monotonic() - SETTING_UP * len(later)) * SHARES[stage] / sum(SHARES[name] for name in later)
+        )
         mine = max(PROBE, int((left - PROBE * a_step) / max(a_step, 1e-6) * SAFETY))
         try:
             with open(steps_file.with_suffix(f".{os.getpid()}"), "w") as file:
@@ -280,7 +289,7 @@ def collect(job: Job, output: Path, paces: list[float]) -> None:
         digest = hashlib.sha256(job.packs[number].read_bytes()).hexdigest()
         facts = {"device": device, "torch": torch.__version__, "seconds_a_step": slowest}
         file = output / f"{job.packs[number].resolve().parent.name}-{category}.safetensors"
-        write_runs(file, TrainedRuns(preset(job.preset, category), config, digest, parts, facts))
+        write_runs(file, TrainedRuns(preset(job.preset, category), config, digest, job.source_split, parts, facts))
         print(f"{file}: {len(runs)} of 10 runs, {file.stat().st_size / 1e6:.1f} MB, {steps_of(config)}", flush=True)
 
 
@@ -296,7 +305,10 @@ def unpack_runs(files: list[Path], packs: list[Path], folder: Path) -> None:
             raise SystemExit(f"{file} was trained on a pack that is not among those given; give it with --packs.")
         source = sources[found.data]
         place = folder / source.dataset / source.pack.category
-        taken = AblationRuns([source.pack], found.model, found.training, place, found.data).adopt(found.parts)
+        runs = AblationRuns(
+            [source.pack], found.model, found.training, place, found.data, source_split=found.source_split
+        )
+        taken = runs.adopt(found.parts)
         print(f"{place}: rows {', '.join(taken)}; {steps_of(found.training)}; {found.facts}")
 
 

@@ -147,7 +147,7 @@ def test_rows_that_were_trained_elsewhere_are_taken_over(
     pack: MeshPack, trained: dict[str, KPRed], tmp_path: Path
 ) -> None:
     file = tmp_path / "trained.safetensors"
-    write_runs(file, TrainedRuns(MODEL, TRAIN, "hash of the pack", _as_parts(trained), {"device": "elsewhere"}))
+    write_runs(file, TrainedRuns(MODEL, TRAIN, "hash of the pack", None, _as_parts(trained), {"device": "elsewhere"}))
     found = read_runs(file)
     assert (found.model, found.training, found.data) == (MODEL, TRAIN, "hash of the pack")
     assert found.facts == {"device": "elsewhere"}
@@ -172,7 +172,7 @@ def test_of_what_was_trained_elsewhere_only_whole_rows_are_taken(
     assert not (tmp_path / "a").exists()
     assert not runs.finished(ROWS["e"])
     file = tmp_path / "trained.safetensors"
-    write_runs(file, TrainedRuns(MODEL, TRAIN, "hash", parts, {}))
+    write_runs(file, TrainedRuns(MODEL, TRAIN, "hash", None, parts, {}))
     file.write_bytes(file.read_bytes()[:-100])
     with pytest.raises(CheckpointError, match="not all of it"):
         read_runs(file)
@@ -186,10 +186,10 @@ def test_the_settings_of_rows_are_read_back_if_they_are_all_the_same(
     with pytest.raises(ConfigError, match="holds no rows"):
         recorded_training(tmp_path, FULL_ROWS)
     _runs(pack, tmp_path).adopt(_as_parts(trained))
-    assert recorded_training(tmp_path, list(ROWS.values())) == TRAIN
+    assert recorded_training(tmp_path, list(ROWS.values())) == (TRAIN, None)
     record = json.loads((tmp_path / "e" / "ablation.json").read_text())
     record["training"]["retrieval"]["steps"] = 4
     (tmp_path / "e" / "ablation.json").write_text(json.dumps(record))
     with pytest.raises(ConfigError, match=r"rows a and e were trained differently \(retrieval\)"):
         recorded_training(tmp_path, list(ROWS.values()))
-    assert recorded_training(tmp_path, rows_named(["c", "f"])) == TRAIN
+    assert recorded_training(tmp_path, rows_named(["c", "f"])) == (TRAIN, None)

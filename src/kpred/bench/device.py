@@ -50,7 +50,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is measured; `batch` scans of a fit, `models` searched, `shapes` trained on, `repeats` of each figure."""
+    """How much is measured: `batch` scans of a fit, `models` searched, `shapes` trained on, `repeats` of each."""
 
     batch: int = 256
     models: int = 1000

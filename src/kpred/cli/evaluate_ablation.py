@@ -103,7 +103,9 @@ class AblationCommand(PackTableCommand):
 
                 def runs(source: SourcePack, folder: Path, data_hash: str) -> AblationRuns:
                     model = preset(self.preset, source.pack.category)
-                    own = recorded_training(folder, rows) if self.as_trained else training
+                    own, split = training, self.source_split
+                    if self.as_trained:
+                        own, split = recorded_training(folder, rows)
                     trained[f"{source.dataset}/{source.pack.category}"] = own.to_dict()
                     return AblationRuns(
                         [source.pack],
@@ -112,7 +114,7 @@ class AblationCommand(PackTableCommand):
                         folder,
                         data_hash,
                         device,
-                        self.source_split,
+                        split,
                         bar.update,
                         report,
                     )

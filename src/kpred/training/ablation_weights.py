@@ -32,13 +32,14 @@ class TrainedRuns:
 
     Attributes:
         model: settings that all rows share; training: of all runs, with the steps that were made.
-        data: SHA-256 of the pack; parts: of each run.
+        data: SHA-256 of the pack; source_split: whose shapes were deformed, None for all; parts: of each run.
         facts: where and how fast it was trained.
     """
 
     model: ModelConfig
     training: TrainConfig
     data: str
+    source_split: str | None
     parts: RunParts
     facts: dict[str, Any]
 
@@ -74,6 +75,7 @@ def write_runs(file: Path, runs: TrainedRuns) -> None:
         "model": runs.model.to_dict(),
         "training": runs.training.to_dict(),
         "data": runs.data,
+        "source_split": runs.source_split,
         "facts": runs.facts,
     }
     with atomic_path(file) as temporary:
@@ -97,6 +99,7 @@ def read_runs(file: Path) -> TrainedRuns:
             ModelConfig.from_dict(record["model"]),
             TrainConfig.from_dict(record["training"]),
             record["data"],
+            record["source_split"],
             parts,
             record["facts"],
         )

@@ -91,8 +91,10 @@ def deformation_run(row: Ablation) -> str:
     return f"deformation-{'with' if row.gsa else 'without'}-gsa"
 
 
-def recorded_training(folder: Path, rows: Sequence[Ablation]) -> TrainConfig:
-    """The settings by which the rows below a category's folder were trained; rows that are not there do not count.
+def recorded_training(folder: Path, rows: Sequence[Ablation]) -> tuple[TrainConfig, str | None]:
+    """The settings and `source_split` by which the rows below a category's folder were trained.
+
+    Rows that are not there do not count.
 
     Raises:
         ConfigError: they were trained by different ones, and so say nothing about their parts; or none is there.
@@ -103,14 +105,14 @@ def recorded_training(folder: Path, rows: Sequence[Ablation]) -> TrainConfig:
         raise ConfigError(f"{folder} holds no rows; train some, or copy them there.")
     first, *others = found
     for name in others:
-        one, other = found[first]["training"], found[name]["training"]
+        one, other = ({**found[row]["training"], "source_split": found[row]["source_split"]} for row in (first, name))
         changed = [key for key in one if one[key] != other.get(key)]
         if changed:
             raise ConfigError(
                 f"{folder}: rows {first} and {name} were trained differently ({', '.join(changed)}), so that they "
                 "cannot be compared; train them by the same settings, or name only rows that were."
             )
-    return TrainConfig.from_dict(found[first]["training"])
+    return TrainConfig.from_dict(found[first]["training"]), found[first]["source_split"]
 
 
 class AblationRuns:
