@@ -3,6 +3,7 @@
     python scripts/train_within.py recognizer PACKS/*.npz -o RUN --seconds 400
     python scripts/train_within.py kp-red-plus PACKS/chair*.npz -o RUN --seconds 400
     python scripts/train_within.py kp-red PACKS/chair*.npz -o RUN --seconds 400
+    python scripts/train_within.py kp-red-plus PACKS/chair*.npz -o RUN --seconds 400 --start-from bundled
 
 Every stage's steps are timed first, as fast as they are beside all else that runs, so that the schedule comes to its
 end in time. How many steps came of it stands in RUN/model/training.json; with it, `kpred train` does the same.
@@ -22,7 +23,7 @@ from typing import Any
 
 import torch
 
-from kpred.nn import KPRed, Recognizer, RecognizerConfig, save_recognizer
+from kpred.nn import KPRed, Recognizer, RecognizerConfig, load_model, save_network, save_recognizer
 from kpred.nn.config import preset
 from kpred.shapes.pack import MeshPack
 from kpred.training.config import PAPER, StageConfig, TrainConfig
@@ -32,12 +33,16 @@ from kpred.training.recognition import RecognitionStage
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import prepare_recognition
 from kpred.training.run import new_network
+from kpred.training.stages import STAGE_CLASSES
 
 SHARES = {"deformation": 0.35, "retrieval": 0.2, "partial": 0.45}
 """Of the time that is left after the data are prepared."""
 
 PROBE, SETTLE = 40, 10
 SAFETY = 0.93
+
+FINE_RATE = 3e-4
+"""Adam's rate where finished weights are trained on."""
 
 PLUS = TrainConfig(
     deformation=StageConfig(batch=32),
@@ -56,22 +61,30 @@ def main() -> None:
     parser.add_argument("packs", nargs="+", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--seconds", type=float, required=True)
+    parser.add_argument("--start-from", default=None, help="go on from these weights: bundled, or a model's folder")
     parser.add_argument("--limit", type=int, default=None, help="shapes a pack, for a trial")
     arguments = parser.parse_args()
     end = time.monotonic() + arguments.seconds
     torch.set_float32_matmul_precision("high")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     packs = [_head(MeshPack.load(path), arguments.limit) for path in arguments.packs]
-    (train_recognizer if arguments.what == "recognizer" else train_category)(
-        arguments.what, packs, arguments.output, end, device
-    )
+    if arguments.what == "recognizer":
+        train_recognizer(arguments.what, packs, arguments.output, end, device)
+    else:
+        train_category(arguments.what, packs, arguments.output, end, device, arguments.start_from)
 
 
-def train_category(what: str, packs: list[MeshPack], folder: Path, end: float, device: torch.device) -> None:
-    """All stages of one category's networks, by `end` on the monotonic clock."""
+def train_category(
+    what: str, packs: list[MeshPack], folder: Path, end: float, device: torch.device, start_from: str | None = None
+) -> None:
+    """All stages of one category's networks, by `end` on the monotonic clock; fresh, or on from finished weights."""
     model = preset(what, packs[0].category)
     config = PLUS if what == "kp-red-plus" else dataclasses.replace(PAPER, checkpoint_every=100_000)
-    network = new_network(model, config.seed).to(device)
+    network = new_network(model, config.seed)
+    if start_from is not None:
+        network.load_state_dict(load_model(start_from)[model.category].state_dict())
+        config = finer(config)
+    network.to(device)
     began = time.monotonic()
     data = prepare(packs, network, config.points, config.seed, device, batch=64)
     _say(folder, f"{len(data.targets)} shapes, prepared in {time.monotonic() - began:.0f} s")
@@ -85,17 +98,37 @@ def train_category(what: str, packs: list[MeshPack], folder: Path, end: float, d
         _say(folder, f"{stage}: {1000 * a_step:.1f} ms a step, {steps} steps")
         losses: dict[str, float] = {}
         report = partial(_keep, losses)
-        train_stage(network, data, config, stage, folder, report, log=False)
+        if start_from is None:
+            train_stage(network, data, config, stage, folder, report, log=False)
+        else:
+            train_on(network, data, config, stage, folder, report)
         _say(folder, f"{stage}: {losses}")
         record = {
             "model": model.to_dict(),
             "stages": [name for name in SHARES if name not in shares],
-            "start_from": None,
+            "start_from": start_from,
             "training": config.to_dict(),
             "shapes": {"packs": [len(p) for p in packs], "sources": len(data.sources), "targets": len(data.targets)},
         }
         _write(folder / "model" / "training.json", record)
     _say(folder, f"{end - time.monotonic():.0f} s left")
+
+
+def finer(config: TrainConfig) -> TrainConfig:
+    """Settings by which finished weights are trained on: smaller steps, and nothing of how a training begins."""
+    stages = {
+        stage: dataclasses.replace(getattr(config, stage), learning_rate=FINE_RATE, schedule="cosine")
+        for stage in SHARES
+    }
+    return dataclasses.replace(config, warmup=0, late_step=0, **stages)
+
+
+def train_on(network: KPRed, data: Any, config: TrainConfig, stage: str, folder: Path, report: Any) -> None:
+    """A stage of finished weights: it does not start its networks over, as `train_stage` would."""
+    work = STAGE_CLASSES[stage](network, data, config)
+    work.start = lambda: None  # type: ignore[method-assign]
+    optimise(work, None, folder, data.device, sorted(STAGE_CLASSES).index(stage), report, log=False)
+    save_network(network, folder / "model")
 
 
 def train_recognizer(what: str, packs: list[MeshPack], folder: Path, end: float, device: torch.device) -> None:
@@ -133,8 +166,6 @@ def _keep(losses: dict[str, float], _stage: str, _done: int, _total: int, values
 
 
 def _seconds_a_step(network: KPRed, data: Any, config: TrainConfig, stage: str) -> float:
-    from kpred.training.stages import STAGE_CLASSES
-
     config = dataclasses.replace(config, warmup=0)
     return _timed(STAGE_CLASSES[stage](copy.deepcopy(network), data, config), data.device)
 
