@@ -3,6 +3,7 @@
     python scripts/train_within.py recognizer PACKS/*.npz -o RUN --seconds 400
     python scripts/train_within.py kp-red-plus PACKS/chair*.npz -o RUN --seconds 400
     python scripts/train_within.py kp-red PACKS/chair*.npz -o RUN --seconds 400
+    python scripts/train_within.py recognizer PACKS/*.npz -o RUN --seconds 300 --start-from bundled
     python scripts/train_within.py kp-red-plus PACKS/chair*.npz -o RUN --seconds 400 --start-from bundled
 
 Every stage's steps are timed first, as fast as they are beside all else that runs, so that the schedule comes to its
@@ -23,8 +24,17 @@ from typing import Any
 
 import torch
 
-from kpred.nn import KPRed, Recognizer, RecognizerConfig, load_model, save_network, save_recognizer
+from kpred.nn import (
+    KPRed,
+    Recognizer,
+    RecognizerConfig,
+    load_model,
+    load_recognizer,
+    save_network,
+    save_recognizer,
+)
 from kpred.nn.config import preset
+from kpred.nn.loading import BUNDLED
 from kpred.shapes.pack import MeshPack
 from kpred.training.config import PAPER, StageConfig, TrainConfig
 from kpred.training.data import prepare
@@ -62,6 +72,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--seconds", type=float, required=True)
     parser.add_argument("--start-from", default=None, help="go on from these weights: bundled, or a model's folder")
+    parser.add_argument("--rate", type=float, default=None, help="Adam's first rate, of the recognizer")
     parser.add_argument("--limit", type=int, default=None, help="shapes a pack, for a trial")
     arguments = parser.parse_args()
     end = time.monotonic() + arguments.seconds
@@ -69,7 +80,7 @@ def main() -> None:
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     packs = [_head(MeshPack.load(path), arguments.limit) for path in arguments.packs]
     if arguments.what == "recognizer":
-        train_recognizer(arguments.what, packs, arguments.output, end, device)
+        train_recognizer(packs, arguments.output, end, device, arguments.start_from, arguments.rate)
     else:
         train_category(arguments.what, packs, arguments.output, end, device, arguments.start_from)
 
@@ -131,20 +142,27 @@ def train_on(network: KPRed, data: Any, config: TrainConfig, stage: str, folder:
     save_network(network, folder / "model")
 
 
-def train_recognizer(what: str, packs: list[MeshPack], folder: Path, end: float, device: torch.device) -> None:
-    """The recognizer, by `end` on the monotonic clock."""
+def train_recognizer(
+    packs: list[MeshPack],
+    folder: Path,
+    end: float,
+    device: torch.device,
+    start_from: str | None = None,
+    rate: float | None = None,
+) -> None:
+    """The recognizer, by `end` on the monotonic clock; fresh, or on from finished weights."""
     began = time.monotonic()
     data = prepare_recognition(packs, RECOGNITION.seed, device)
     _say(folder, f"{len(data.clouds)} shapes, prepared in {time.monotonic() - began:.0f} s")
-    architecture = RecognizerConfig(categories=data.categories, completeness=True)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(RECOGNITION.seed)
-        network = Recognizer(architecture).to(device)
+    network = recognizer(data.categories, start_from).to(device)
+    architecture = network.config
+    rate = rate or (RECOGNITION.optimisation.learning_rate if start_from is None else FINE_RATE)
     probe = RecognitionStage(copy.deepcopy(network), data, RECOGNITION)
     a_step = _timed(probe, device)
     steps = max(PROBE, int((end - time.monotonic()) / a_step * SAFETY))
     _say(folder, f"recognition: {1000 * a_step:.1f} ms a step, {steps} steps")
-    config = dataclasses.replace(RECOGNITION, optimisation=dataclasses.replace(RECOGNITION.optimisation, steps=steps))
+    optimisation = dataclasses.replace(RECOGNITION.optimisation, steps=steps, learning_rate=rate)
+    config = dataclasses.replace(RECOGNITION, optimisation=optimisation)
     losses: dict[str, float] = {}
     report = partial(_keep, losses)
     work = RecognitionStage(network, data, config)
@@ -153,12 +171,34 @@ def train_recognizer(what: str, packs: list[MeshPack], folder: Path, end: float,
     numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
     record = {
         "model": architecture.to_dict(),
-        "start_from": None,
+        "start_from": start_from,
         "training": config.to_dict(),
         "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),
     }
     _write(folder / "model" / "training.json", record)
     _say(folder, f"recognition: {losses}; {end - time.monotonic():.0f} s left")
+
+
+def recognizer(categories: tuple[str, ...], start_from: str | None) -> Recognizer:
+    """A fresh one that tells completeness too, or a finished one, of which only what tells that may be fresh."""
+    earlier = None if start_from is None else finished(start_from)
+    blocks = {} if earlier is None else {"width": earlier.config.width, "blocks": earlier.config.blocks}
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(RECOGNITION.seed)
+        network = Recognizer(RecognizerConfig(categories=categories, completeness=True, **blocks))
+    if earlier is not None:
+        if earlier.config.categories != categories:
+            raise SystemExit(f"{start_from} knows {earlier.config.categories}, but the packs show {categories}.")
+        network.load_state_dict(earlier.state_dict(), strict=False)
+    return network
+
+
+def finished(start_from: str) -> Recognizer:
+    """The recognizer of a bundled model, or the one in a folder."""
+    found = load_model(start_from).recognizer if start_from in BUNDLED else load_recognizer(start_from)
+    if found is None:
+        raise SystemExit(f"{start_from} has no recognizer.")
+    return found
 
 
 def _keep(losses: dict[str, float], _stage: str, _done: int, _total: int, values: dict[str, float]) -> None:

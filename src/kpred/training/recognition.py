@@ -40,7 +40,7 @@ RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
 
 
 class RecognitionStage:
-    """Cross-entropy of the answers, the error of the missing turn where a cloud stands about right, and completeness."""
+    """Cross-entropy of the answers, error of the missing turn where a cloud stands about right, and completeness."""
 
     name = "recognition"
 

@@ -29,6 +29,9 @@ STRAY_SHARE = 0.04
 """A turn maps a shape onto itself if this is all that it adds to the mean distance of two samples, unit box, and to the
 share of points that are farther than `STRAY_DISTANCE`: the corners of a square top are few, and yet tell its turn."""
 
+AT_ONCE = 32
+"""Shapes whose symmetries are looked for together."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecognitionData:
@@ -69,7 +72,7 @@ def prepare_recognition(
     """
     generator = torch.Generator(device=device).manual_seed(seed)
     categories = tuple(sorted({pack.category for pack in packs} - {OTHER}))
-    clouds, category, period = [], [], []
+    clouds, category, samples, period = [], [], [], []
     total = sum(len(pack) for pack in packs)
     done = 0
     for pack in packs:
@@ -90,29 +93,40 @@ def prepare_recognition(
                 continue
             clouds.append(cloud.half())
             category.append(kind)
-            two = cloud[: 2 * SYMMETRY_POINTS].chunk(2)
-            period.append(turn_period(*two) if kind < len(categories) else 0.0)
+            samples.append(cloud[: 2 * SYMMETRY_POINTS])
+            if len(samples) == AT_ONCE:
+                period.append(_periods(samples))
+                samples = []
+    period += [_periods(samples)] if samples else []
     if len(clouds) < 2 or not categories:
         raise PackError("The mesh packs hold too few shapes to recognize; give packs with splits source and train.")
+    kinds = torch.tensor(category, device=device)
     return RecognitionData(
         categories,
-        torch.tensor(category, device=device),
+        kinds,
         torch.stack(clouds),
-        torch.tensor(period, device=device),
+        # Nobody asks how other things are turned.
+        torch.where(kinds < len(categories), torch.cat(period), 0.0),
     )
 
 
-def turn_period(cloud: Float[Tensor, "points 3"], again: Float[Tensor, "points 3"]) -> float:
-    """Smallest turn about y that maps a shape onto itself, of two samples of it: 2 pi, pi, pi / 2, or 0 if round."""
-    middle = (cloud.amin(0) + cloud.amax(0)) / 2
-    angles = torch.tensor([0.0, math.pi, math.pi / 2, math.pi / 4, math.pi / 6], device=cloud.device)
-    turned = (again - middle) @ yaw_matrices(angles).mT
-    here = (cloud - middle).expand(len(angles), -1, -1)
+def _periods(samples: Sequence[Tensor]) -> Tensor:
+    return turn_periods(*torch.stack(list(samples)).chunk(2, dim=1))
+
+
+def turn_periods(
+    clouds: Float[Tensor, "batch points 3"], again: Float[Tensor, "batch points 3"]
+) -> Float[Tensor, " batch"]:
+    """Smallest turns about y that map shapes onto themselves, of two samples each: 2 pi, pi, pi / 2, or 0 if round."""
+    middle = (clouds.amin(1, keepdim=True) + clouds.amax(1, keepdim=True)) / 2
+    angles = torch.tensor([0.0, math.pi, math.pi / 2, math.pi / 4, math.pi / 6], device=clouds.device)
+    turned = ((again - middle)[:, None] @ yaw_matrices(angles).mT).flatten(0, 1)
+    here = (clouds - middle).repeat_interleave(len(angles), 0)
     forth, back = nearest_neighbours(here, turned)[0], nearest_neighbours(turned, here)[0]
-    ways = torch.cat([forth, back], dim=1).sqrt()
-    distance, stray = ways.mean(1), (ways > STRAY_DISTANCE).float().mean(1)
-    same = (distance[1:] - distance[0] < TURN_TOLERANCE) & (stray[1:] - stray[0] < STRAY_SHARE)
-    half, quarter, eighth, twelfth = same.tolist()
-    if quarter and eighth and twelfth:
-        return 0.0
-    return math.pi / 2 if quarter and half else math.pi if half else 2 * math.pi
+    ways = torch.cat([forth, back], dim=1).sqrt().view(len(clouds), len(angles), -1)
+    distance, stray = ways.mean(2), (ways > STRAY_DISTANCE).float().mean(2)
+    same = (distance[:, 1:] - distance[:, :1] < TURN_TOLERANCE) & (stray[:, 1:] - stray[:, :1] < STRAY_SHARE)
+    half, quarter, eighth, twelfth = same.unbind(1)
+    period = torch.where(half, math.pi, torch.full_like(distance[:, 0], 2 * math.pi))
+    period = torch.where(half & quarter, math.pi / 2, period)
+    return torch.where(quarter & eighth & twelfth, 0.0, period)
