@@ -128,17 +128,25 @@ def train_rows(arguments: argparse.Namespace) -> None:
         ]
         for worker in workers:
             worker.start()
-        while any(worker.is_alive() for worker in workers):
-            # One that was killed would be waited for until the end.
-            if any(worker.exitcode for worker in workers):
-                barrier.abort()
-            if time.monotonic() > job.end + GRACE:
-                print("out of time: what is not done is left out", flush=True)
-                for worker in workers:
-                    worker.kill()
-            time.sleep(0.5)
-        collect(job, arguments.output, list(paces))
+        try:
+            watch(job, workers, barrier)
+        finally:  # what is done is worth keeping, whatever stopped the rest
+            for worker in workers:
+                worker.kill()
+            collect(job, arguments.output, list(paces))
     print(f"{job.end - time.monotonic():.0f} s left", flush=True)
+
+
+def watch(job: Job, workers: list[Any], barrier: Any) -> None:
+    """Wait for all processes, at most until the end and a little more."""
+    while any(worker.is_alive() for worker in workers):
+        # One that was killed would be waited for until the end.
+        if any(worker.exitcode for worker in workers):
+            barrier.abort()
+        if time.monotonic() > job.end + GRACE:
+            print("out of time: what is not done is left out", flush=True)
+            return
+        time.sleep(0.5)
 
 
 def work(job: Job, index: int, number: int, row: str, barrier: Any, paces: Any) -> None:
