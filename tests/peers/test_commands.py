@@ -10,13 +10,21 @@ import torch
 
 from kpred.cli.main import FAILED, OK, USAGE, main
 from kpred.evaluation.methods import Sources
-from kpred.evaluation.methods.peers import KeypointDeformerMethod, Uy2021Method
+from kpred.evaluation.methods.cage_peers import KeypointDeformerMethod, NeuralCagesMethod
+from kpred.evaluation.methods.peers import peer_method
 from kpred.fitting import RefineConfig
-from kpred.nn.peers import KeypointDeformer, Uy2021, load_peers
+from kpred.nn.peers import PEERS, load_peers
 from kpred.shapes.pack import MeshPack
 from kpred.shapes.synthetic.generator import generate
 
-SHORT = ["--optimisation.steps", "3", "--optimisation.batch", "2", "--points", "96", "--warmup", "1"]
+SHORT = ["--optimisation.steps", "3", "--optimisation.batch", "2", "--points", "96"]
+NAMES = {"keypoint-deformer": "kd", "neural-cages": "nc", "uy2021": "uy", "u-red": "ur", "shapeflow": "sf"}
+
+
+@pytest.fixture(autouse=True)
+def short_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ShapeFlow looks for a target's code for a moment only."""
+    monkeypatch.setattr("kpred.evaluation.methods.flow_peer.STEPS", 3)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +40,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def runs(pack: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
-    for peer in ("keypoint-deformer", "uy2021"):
+    for peer in PEERS:
         assert main(["train", "peer", peer, str(pack), "-o", str(folder / peer / "table"), *SHORT]) == OK
     return folder
 
@@ -40,7 +48,7 @@ def runs(pack: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_peers_are_measured_beside_the_baselines(
     pack: Path, runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    methods = ["--method", f"kd={runs / 'keypoint-deformer'}", "--method", f"uy={runs / 'uy2021' / 'table'}"]
+    methods = [word for peer, name in NAMES.items() for word in ("--method", f"{name}={runs / peer / 'table'}")]
     out = tmp_path / "rows.json"
     line = ["evaluate", "peers", str(pack), *methods, "--refined-peers", "--top-k", "1", "4", "-o", str(out), "--json"]
     assert main(line) == OK
@@ -48,7 +56,7 @@ def test_peers_are_measured_beside_the_baselines(
     written = json.loads(out.read_text())
     assert said["rows"] == written["rows"]
     found = {(row["metric"], row["top_k"]): row for row in said["rows"]}
-    names = {"no_learning", "kd", "kd_refined", "uy"}
+    names = {"no_learning", "kd_refined", *NAMES.values()}
     assert set(found) == {("undeformed_nearest", None)} | {(name, k) for name in names for k in (1, 4)}
     for name in names:
         assert found[name, 4]["value"] <= found[name, 1]["value"]
@@ -63,29 +71,31 @@ def sources(pack: Path) -> Sources:
     return Sources.of_pack(MeshPack.load(pack), str(pack), 0, pytest.fail)
 
 
-def test_what_is_retrieved_comes_in_order_and_deforms_where_it_should(runs: Path, sources: Sources) -> None:
+@pytest.mark.parametrize("peer", list(PEERS))
+@pytest.mark.parametrize("partial", [False, True])
+def test_what_is_retrieved_comes_in_order(peer: str, partial: bool, runs: Path, sources: Sources) -> None:
+    method, facts = peer_method("name", runs / peer)
     target = sources.points[2]
-    for kind, method in (
-        (KeypointDeformer, lambda n: KeypointDeformerMethod("kd", n)),
-        (Uy2021, lambda n: Uy2021Method("uy", n)),
-    ):
-        folder = runs / ("keypoint-deformer" if kind is KeypointDeformer else "uy2021")
-        networks = load_peers(folder)
-        assert isinstance(networks["table"], kind)
-        with torch.inference_mode():
-            searcher = method(networks).over(sources)
-            found = searcher.explain(target, 3, False)
-            alone = searcher.explain(target, 1, False)
-        assert len(set(found.model_ids)) == 3
-        assert alone.model_ids == found.model_ids[:1]
-        torch.testing.assert_close(alone.points, found.points[:1])
-        assert found.points.shape == (3, *target.shape)
-    # A target that is a source is nearest to itself, and its own keypoints move nothing.
+    target = target[target[:, 0] > 0] if partial else target
     with torch.inference_mode():
-        itself = KeypointDeformerMethod("kd", load_peers(runs / "keypoint-deformer")).over(sources)
-        found = itself.explain(target, 1, False)
-    assert found.model_ids == sources.model_ids[2:3]
-    torch.testing.assert_close(found.points[0], target, atol=1e-5, rtol=0)
+        searcher = method.over(sources)
+        found = searcher.explain(target, 3, partial)
+        alone = searcher.explain(target, 1, partial)
+    assert len(set(found.model_ids)) == 3
+    assert alone.model_ids == found.model_ids[:1]
+    torch.testing.assert_close(alone.points, found.points[:1], atol=1e-5, rtol=1e-4)
+    assert found.points.shape == (3, *sources.points[2].shape)
+    assert facts["training"][0]["peer"] == peer
+
+
+def test_a_target_that_is_a_source_is_nearest_to_itself(runs: Path, sources: Sources) -> None:
+    target = sources.points[2]
+    for peer, kind in (("keypoint-deformer", KeypointDeformerMethod), ("neural-cages", NeuralCagesMethod)):
+        with torch.inference_mode():
+            found = kind(peer, load_peers(runs / peer)).over(sources).explain(target, 1, False)
+        assert found.model_ids == sources.model_ids[2:3]
+        if kind is KeypointDeformerMethod:  # its own keypoints move nothing
+            torch.testing.assert_close(found.points[0], target, atol=1e-5, rtol=0)
 
 
 def test_refinement_needs_no_peer_of_its_own(runs: Path, sources: Sources) -> None:

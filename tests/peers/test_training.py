@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,19 +9,39 @@ import pytest
 import torch
 
 from kpred.errors import CheckpointError, ModelError, PackError
-from kpred.nn.peers import KeypointDeformerConfig, Uy2021Config, load_peer, load_peers
+from kpred.nn.peers import (
+    PEERS,
+    KeypointDeformerConfig,
+    NeuralCagesConfig,
+    ShapeFlowConfig,
+    URedConfig,
+    Uy2021Config,
+    load_peer,
+    load_peers,
+)
 from kpred.shapes.pack import MeshPack
 from kpred.shapes.synthetic.generator import generate
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig
-from kpred.training.peers.config import KeypointDeformerTraining, Uy2021Training
+from kpred.training.peers.config import (
+    KeypointDeformerTraining,
+    NeuralCagesTraining,
+    ShapeFlowTraining,
+    URedTraining,
+    Uy2021Training,
+)
 from kpred.training.peers.part_sources import read_part_sources
-from kpred.training.peers.run import train_keypoint_deformer, train_uy2021
+from kpred.training.peers.run import train_peer
 
 SHORT = StageConfig(steps=5, batch=2)
-KD = KeypointDeformerTraining(optimisation=SHORT, points=96, warmup=2, checkpoint_every=2)
-UY = Uy2021Training(optimisation=SHORT, points=96, warmup=2, candidates=3, checkpoint_every=2)
-Train = Callable[..., torch.nn.Module]
+FEW = {"optimisation": SHORT, "points": 96, "checkpoint_every": 2}
+SMALL = {
+    "keypoint-deformer": (KeypointDeformerConfig(), KeypointDeformerTraining(**FEW, warmup=2)),
+    "neural-cages": (NeuralCagesConfig(code_size=128), NeuralCagesTraining(**FEW)),
+    "uy2021": (Uy2021Config(parts=8, code_size=16), Uy2021Training(**FEW, warmup=2, candidates=3)),
+    "u-red": (URedConfig(parts=8, width=16, rounds=1), URedTraining(**FEW)),
+    "shapeflow": (ShapeFlowConfig(width=32), ShapeFlowTraining(**FEW)),
+}
 
 
 class Stopped(Exception):
@@ -37,17 +56,14 @@ def packs() -> list[MeshPack]:
 
 
 def _train(peer: str, packs: list[MeshPack], folder: Path, **options) -> torch.nn.Module:
-    if peer == "keypoint-deformer":
-        config = replace(KD, **options.pop("change", {}))
-        return train_keypoint_deformer(packs, KeypointDeformerConfig(), config, folder, **options)
-    config = replace(UY, **options.pop("change", {}))
-    return train_uy2021(packs, Uy2021Config(parts=8, code_size=16), config, folder, **options)
+    model, config = SMALL[peer]
+    return train_peer(packs, model, replace(config, **options.pop("change", {})), folder, **options)
 
 
-BOTH = pytest.mark.parametrize("peer", ["keypoint-deformer", "uy2021"])
+EVERY = pytest.mark.parametrize("peer", list(PEERS))
 
 
-@BOTH
+@EVERY
 def test_resumed_equals_uninterrupted_and_weights_come_back(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
     whole = _train(peer, packs, tmp_path / "whole").state_dict()
 
@@ -67,23 +83,26 @@ def test_resumed_equals_uninterrupted_and_weights_come_back(peer: str, packs: li
     assert (tmp_path / "cut" / "model" / "training.json").exists()
 
 
-@BOTH
+@EVERY
 def test_the_deformation_error_falls(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
     seen: list[dict[str, float]] = []
     settings = StageConfig(steps=40, batch=4, learning_rate=3e-3)
+    change = {"optimisation": settings, "checkpoint_every": 100}
+    if hasattr(SMALL[peer][1], "warmup"):
+        change["warmup"] = 5
     _train(
         peer,
         packs,
         tmp_path,
-        change={"optimisation": settings, "warmup": 5, "checkpoint_every": 100},
+        change=change,
         report=lambda _stage, _done, _total, losses: seen.append(losses),
     )
-    name = "similarity" if peer == "keypoint-deformer" else "deformation"
+    name = "deformation" if peer == "uy2021" else "similarity"
     values = [losses[name] for losses in seen if name in losses]
     assert sum(values[-8:]) < 0.9 * sum(values[:8])
 
 
-@BOTH
+@EVERY
 def test_refusals(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
     _train(peer, packs, tmp_path / "run")
     with pytest.raises(CheckpointError, match="other settings"):
@@ -111,9 +130,19 @@ def test_uy_deforms_only_what_it_was_trained_on(packs: list[MeshPack], tmp_path:
         network.rows(names)
 
 
-def test_sources_need_names_of_their_own(packs: list[MeshPack]) -> None:
+def test_shapeflow_knows_all_shapes_of_its_training(packs: list[MeshPack], tmp_path: Path) -> None:
+    network = _train("shapeflow", packs, tmp_path)
+    names = tuple(str(name) for name in packs[0].model_id)
+    assert network.rows(names).tolist() == [0, 1, 2, 3, 4, 5]
+    with pytest.raises(ModelError, match="1 of 2 sources were not in the training"):
+        network.rows((names[0], "nobody"))
+
+
+def test_sources_need_names_of_their_own(packs: list[MeshPack], tmp_path: Path) -> None:
     with pytest.raises(PackError, match="are called"):
         read_part_sources([*packs, *packs], 8, 0)
+    with pytest.raises(PackError, match="are called"):
+        train_peer([*packs, *packs], *SMALL["shapeflow"], tmp_path)
     with pytest.raises(PackError, match="fewer than two shapes"):
         read_part_sources(packs, 8, 0, split="val")
 

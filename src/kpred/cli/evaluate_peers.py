@@ -142,22 +142,14 @@ def _methods(name: str, place: str, refined_peers: bool) -> tuple[list[Method], 
     """The methods that a folder of weights stands for, and what they were made by, as plain values."""
     from kpred.evaluation.header import made_by
     from kpred.evaluation.methods import KpRedMethod
-    from kpred.evaluation.methods.peers import KeypointDeformerMethod, Uy2021Method
+    from kpred.evaluation.methods.peers import peer_method, refined
     from kpred.fitting import RefineConfig
     from kpred.nn.loading import load_model
-    from kpred.nn.peers import KeypointDeformer, Uy2021, load_peers
-    from kpred.nn.peers.loading import holds_peers, training_record
+    from kpred.nn.peers.loading import holds_peers
 
     if place in OWN or not holds_peers(place):
         model = load_model(place)
         own: list[Method] = [KpRedMethod(name, model), KpRedMethod(f"{name}_refined", model, RefineConfig())]
         return own, made_by(model)
-    networks = load_peers(place)
-    record = {"folder": place, "training": training_record(place)}
-    if all(isinstance(network, KeypointDeformer) for network in networks.values()):
-        deformers = {key: network for key, network in networks.items() if isinstance(network, KeypointDeformer)}
-        found: list[Method] = [KeypointDeformerMethod(name, deformers)]
-        if refined_peers:
-            found.append(KeypointDeformerMethod(f"{name}_refined", deformers, RefineConfig()))
-        return found, record
-    return [Uy2021Method(name, {k: n for k, n in networks.items() if isinstance(n, Uy2021)})], record
+    method, record = peer_method(name, place)
+    return [method, *(refined(method) if refined_peers else [])], record

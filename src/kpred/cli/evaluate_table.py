@@ -47,7 +47,8 @@ class _MeasuredCommand(PackTableCommand, ModelOptions):
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
         from kpred.cli.progress import ProgressBar
-        from kpred.evaluation.peer_rows import add_methods, peer_method
+        from kpred.evaluation.methods.peers import peer_method
+        from kpred.evaluation.peer_rows import add_methods
         from kpred.evaluation.tables import make_table
         from kpred.evaluation.target_lists import read_target_list
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from tyro.conf import Positional, arg
 
@@ -15,12 +14,14 @@ from kpred.cli.command import Command, Group
 from kpred.cli.devices import found_device, limit_threads
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
-from kpred.training.peers.config import KeypointDeformerTraining, Uy2021Training
-
-if TYPE_CHECKING:
-    from kpred.shapes.pack import MeshPack
-
-Progress = Callable[[str, int, int], None]
+from kpred.training.peers.config import (
+    KeypointDeformerTraining,
+    NeuralCagesTraining,
+    PeerTraining,
+    ShapeFlowTraining,
+    URedTraining,
+    Uy2021Training,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,12 +40,14 @@ class _PeerCommand(Command):
     """CPU threads; without it, as many as torch chooses"""
     resume: Annotated[bool, arg(help_behavior_hint="")] = True
     """Start anew in a folder that holds a stopped run, and not where it stopped"""
+    training: Annotated[PeerTraining, arg(name="")] = field(default_factory=PeerTraining)
 
     def run(self, output: Output) -> None:
         """Train with a progress bar; print where the weights are."""
         from kpred.cli.processes import refuse
         from kpred.cli.progress import ProgressBar
         from kpred.shapes.pack import MeshPack
+        from kpred.training.peers.run import train_peer
 
         refuse(f"`kpred train peer {self.peer}`")
         if not self.packs:
@@ -62,7 +65,10 @@ class _PeerCommand(Command):
                     last.update(losses)
                     bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
 
-                network = self._train(packs, folder, found_device(self.device), bar.update, report)
+                device = found_device(self.device)
+                network = train_peer(
+                    packs, self.model(), self.training, folder, device, bar.update, report, self.resume
+                )
         except KeyboardInterrupt as error:
             if not any(folder.glob("*.checkpoint")):
                 raise
@@ -83,15 +89,8 @@ class _PeerCommand(Command):
         output.note(f"weights: {weights} ({seconds:.0f} s)")
 
     @abstractmethod
-    def _train(
-        self,
-        packs: list[MeshPack],
-        folder: Path,
-        device: str,
-        progress: Progress,
-        report: Callable[[str, int, int, dict[str, float]], None],
-    ) -> Any:
-        """Train this peer."""
+    def model(self) -> Any:
+        """The config of the peer's network; category and shapes are those of the packs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,12 +108,31 @@ class KeypointDeformerCommand(_PeerCommand):
 
     training: Annotated[KeypointDeformerTraining, arg(name="")] = field(default_factory=KeypointDeformerTraining)
 
-    def _train(self, packs: Any, folder: Path, device: str, progress: Any, report: Any) -> Any:
+    def model(self) -> Any:
+        """See above."""
         from kpred.nn.peers.keypoint_deformer import KeypointDeformerConfig
-        from kpred.training.peers.run import train_keypoint_deformer
 
-        model = KeypointDeformerConfig(keypoints=self.training.spread_samples // 2)
-        return train_keypoint_deformer(packs, model, self.training, folder, device, progress, report, self.resume)
+        return KeypointDeformerConfig(keypoints=self.training.spread_samples // 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeuralCagesCommand(_PeerCommand):
+    """Train Neural Cages (Yifan et al. 2020): the source's cage and its motion are predicted from both shapes.
+
+    examples:
+      kpred train peer neural-cages chair.npz -o runs/neural-cages/chair
+      kpred train peer neural-cages chair.npz -o runs/short --optimisation.steps 1500 --optimisation.batch 8
+    """
+
+    peer: ClassVar[str] = "neural-cages"
+
+    training: Annotated[NeuralCagesTraining, arg(name="")] = field(default_factory=NeuralCagesTraining)
+
+    def model(self) -> Any:
+        """See above."""
+        from kpred.nn.peers.neural_cages import NeuralCagesConfig
+
+        return NeuralCagesConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,16 +153,63 @@ class Uy2021Command(_PeerCommand):
     """Most parts of a source; of one that has more, the smallest are joined to their neighbours"""
     training: Annotated[Uy2021Training, arg(name="")] = field(default_factory=Uy2021Training)
 
-    def _train(self, packs: Any, folder: Path, device: str, progress: Any, report: Any) -> Any:
+    def model(self) -> Any:
+        """See above."""
         from kpred.nn.peers.uy2021 import Uy2021Config
-        from kpred.training.peers.run import train_uy2021
 
-        return train_uy2021(
-            packs, Uy2021Config(parts=self.parts), self.training, folder, device, progress, report, self.resume
-        )
+        return Uy2021Config(parts=self.parts)
 
+
+@dataclass(frozen=True, kw_only=True)
+class URedCommand(_PeerCommand):
+    """Train U-RED (Di et al. 2023): parts moved by attention, retrieval by the residual that would be left.
+
+    Sources of the training are the split source; any others can be retrieved later too.
+
+    examples:
+      kpred train peer u-red chair.npz -o runs/u-red/chair
+      kpred train peer u-red chair.npz -o runs/short --optimisation.steps 1500 --parts 16
+    """
+
+    peer: ClassVar[str] = "u-red"
+
+    parts: Annotated[int, arg(metavar="N")] = 24
+    """Most parts of a source; of one that has more, the smallest are joined to their neighbours"""
+    training: Annotated[URedTraining, arg(name="")] = field(default_factory=URedTraining)
+
+    def model(self) -> Any:
+        """See above."""
+        from kpred.nn.peers.u_red import URedConfig
+
+        return URedConfig(parts=self.parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeFlowCommand(_PeerCommand):
+    """Train ShapeFlow (Jiang et al. 2020): shapes flow to a common hub and on to each other, by learned codes.
+
+    The sources are known by learned codes, so that only these can be retrieved later: train on the packs that are
+    measured.
+
+    examples:
+      kpred train peer shapeflow chair.npz -o runs/shapeflow/chair
+      kpred train peer shapeflow chair.npz -o runs/short --optimisation.steps 1500
+    """
+
+    peer: ClassVar[str] = "shapeflow"
+
+    training: Annotated[ShapeFlowTraining, arg(name="")] = field(default_factory=ShapeFlowTraining)
+
+    def model(self) -> Any:
+        """See above."""
+        from kpred.nn.peers.shapeflow import ShapeFlowConfig
+
+        return ShapeFlowConfig()
+
+
+COMMANDS = (KeypointDeformerCommand, NeuralCagesCommand, Uy2021Command, URedCommand, ShapeFlowCommand)
 
 PEER_COMMANDS = Group(
-    {KeypointDeformerCommand.peer: KeypointDeformerCommand, Uy2021Command.peer: Uy2021Command},
+    {command.peer: command for command in COMMANDS},
     "Train another published method, to be measured by `kpred evaluate peers`.",
 )

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from kpred.errors import ConfigError
@@ -71,21 +70,3 @@ def add_methods(
             )
             table.add(series, subject, score.value)
     table.header["models"].update({name: dict(facts) for name, (_, facts) in methods.items()})
-
-
-def peer_method(name: str, folder: str | os.PathLike[str]) -> tuple[Method, dict[str, Any]]:
-    """A peer by the folder of its weights, and what it was made by.
-
-    Raises:
-        ModelError: the folder holds no weights of a peer.
-    """
-    from kpred.evaluation.methods.peers import KeypointDeformerMethod, Uy2021Method
-    from kpred.nn.peers import KeypointDeformer, Uy2021, load_peers
-    from kpred.nn.peers.loading import training_record
-
-    networks = load_peers(Path(folder))
-    facts = {"model": str(folder), "training": training_record(folder)}
-    deformers = {key: network for key, network in networks.items() if isinstance(network, KeypointDeformer)}
-    if deformers:
-        return KeypointDeformerMethod(name, deformers), facts
-    return Uy2021Method(name, {key: n for key, n in networks.items() if isinstance(n, Uy2021)}), facts

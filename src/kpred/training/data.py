@@ -33,7 +33,9 @@ class TrainingData:
         pool: (shapes, POOL_POINTS, 3) surface points in random order, half precision.
         sources: indices of the shapes that are deformed; targets: those that are deformed to.
         points: (sources, P, 3) the fixed points of each source.
-        cages: (sources, cage vertices, 3); weights: (sources, P, cage vertices) mean value coordinates, half precision.
+        cages: (sources, cage vertices, 3); weights: (sources, P, cage vertices) mean value coordinates, half precision;
+            both have no vertices where no network was given.
+        model_ids: of the shapes.
     """
 
     pool: Tensor
@@ -42,6 +44,7 @@ class TrainingData:
     points: Tensor
     cages: Tensor
     weights: Tensor
+    model_ids: tuple[str, ...] = ()
 
     @property
     def device(self) -> torch.device:
@@ -53,7 +56,7 @@ class TrainingData:
     ) -> Float[Tensor, "count points 3"]:
         """Random targets: fresh points from the pool, mirrored and stretched at random, in their own unit boxes."""
         chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
-        clouds = self._block(self.pool[chosen], points, generator).float()
+        clouds = self.clouds(chosen, points, generator)
         return to_unit_box(clouds * random_factors(count, stretch, generator)) if stretch > 1 else clouds
 
     def draw_scanned_targets(
@@ -65,6 +68,10 @@ class TrainingData:
         scans, clouds = random_views(dense, points, generator), self._block(dense, points, generator)
         middle, half = box_of(clouds)
         return (clouds - middle) / half, (scans - middle) / half
+
+    def clouds(self, rows: Tensor, points: int, generator: torch.Generator) -> Float[Tensor, "count points 3"]:
+        """Fresh points of the shapes of these rows of the pool."""
+        return self._block(self.pool[rows], points, generator).float()
 
     def _block(self, dense: Tensor, points: int, generator: torch.Generator) -> Tensor:
         # Points lie in random order, so that any block of them is a fair sample.
@@ -79,7 +86,7 @@ class TrainingData:
 
 def prepare(
     packs: list[MeshPack],
-    network: KPRed,
+    network: KPRed | None,
     points: int,
     seed: int,
     device: torch.device | str = "cpu",
@@ -90,6 +97,7 @@ def prepare(
     """Sample every shape of the splits `source` and `train`, and compute cages and coordinates of the sources.
 
     Args:
+        network: makes the cages; None leaves them out.
         source_split: split whose shapes are deformed (`source` in the paper); None deforms the shapes of both splits,
             since no training split is ever searched at test time.
 
@@ -100,6 +108,7 @@ def prepare(
     clouds: list[Tensor] = []
     vertices: list[Tensor] = []
     is_source: list[bool] = []
+    names: list[str] = []
     total = sum(len(pack) for pack in packs)
     for pack in packs:
         for index in range(len(pack)):
@@ -117,6 +126,7 @@ def prepare(
             except (MeshError, ScanError):  # without area, or without size
                 continue
             clouds.append(cloud.half())
+            names.append(str(pack.model_id[index]))
             is_source.append(source_split is None or split == source_split)
             vertices.append(corners)
     if sum(is_source) < 2:
@@ -125,7 +135,31 @@ def prepare(
         )
     pool = torch.stack(clouds)
     sources = torch.tensor(is_source, device=device).nonzero().squeeze(1)
-    faces = icosphere(network.config.cage_subdivisions)[1].to(device)
+    cages, weights = pool.new_zeros(len(sources), 0, 3).float(), pool.new_zeros(len(sources), points, 0)
+    if network is not None:
+        cages, weights = _cages(network, pool, sources, vertices, points, batch, progress)
+    return TrainingData(
+        pool=pool,
+        sources=sources,
+        targets=torch.arange(len(pool), device=device),
+        points=pool[sources, :points].float(),
+        cages=cages,
+        weights=weights,
+        model_ids=tuple(names),
+    )
+
+
+def _cages(
+    network: KPRed,
+    pool: Tensor,
+    sources: Tensor,
+    vertices: list[Tensor],
+    points: int,
+    batch: int,
+    progress: Progress | None,
+) -> tuple[Tensor, Tensor]:
+    """Cages of the sources and their points' coordinates, as `TrainingData` has them."""
+    faces = icosphere(network.config.cage_subdivisions)[1].to(pool.device)
     cages: list[Tensor] = []
     weights: list[Tensor] = []
     for rows in sources.split(batch):
@@ -136,14 +170,7 @@ def prepare(
         cage = network.cage(hull)
         cages.append(cage)
         weights.append(mean_value_coordinates(pool[rows, :points].float(), cage, faces).half())
-    return TrainingData(
-        pool=pool,
-        sources=sources,
-        targets=torch.arange(len(pool), device=device),
-        points=pool[sources, :points].float(),
-        cages=torch.cat(cages),
-        weights=torch.cat(weights),
-    )
+    return torch.cat(cages), torch.cat(weights)
 
 
 def _with_vertices(cloud: Tensor, vertices: Tensor, count: int = 1024) -> Tensor:

@@ -13,13 +13,19 @@ import torch
 from kpred.errors import ConfigError, ModelError
 from kpred.nn.loading import CONFIG_FILE, load_weights, save_weights
 from kpred.nn.peers.keypoint_deformer import KeypointDeformer, KeypointDeformerConfig
+from kpred.nn.peers.neural_cages import NeuralCages, NeuralCagesConfig
+from kpred.nn.peers.shapeflow import ShapeFlow, ShapeFlowConfig
+from kpred.nn.peers.u_red import URed, URedConfig
 from kpred.nn.peers.uy2021 import Uy2021, Uy2021Config
 
-Peer = KeypointDeformer | Uy2021
+Peer = KeypointDeformer | NeuralCages | Uy2021 | URed | ShapeFlow
 
 PEERS: dict[str, tuple[type[Any], type[Any]]] = {
     "keypoint-deformer": (KeypointDeformer, KeypointDeformerConfig),
+    "neural-cages": (NeuralCages, NeuralCagesConfig),
     "uy2021": (Uy2021, Uy2021Config),
+    "u-red": (URed, URedConfig),
+    "shapeflow": (ShapeFlow, ShapeFlowConfig),
 }
 """Network and config of each peer by its name."""
 
@@ -101,7 +107,7 @@ def _build(values: dict[str, Any]) -> Peer:
     given = dict(values)
     name = given.pop("peer", None)
     if name not in PEERS:
-        raise ConfigError(f"this is not a peer ({name}); give weights of {' or '.join(PEERS)}.")
+        raise ConfigError(f"this is not a peer ({name}); give weights of {', '.join(PEERS)}.")
     kind, config = PEERS[name]
     unknown = set(given) - {field.name for field in dataclasses.fields(config)}
     if unknown:

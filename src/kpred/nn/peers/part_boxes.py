@@ -64,6 +64,10 @@ class PartBoxes:
         """The sources of these rows."""
         return PartBoxes(*(getattr(self, field.name)[rows] for field in fields(self)))
 
+    def first(self, count: int) -> PartBoxes:
+        """The same with each source's first points alone."""
+        return PartBoxes(self.labels[..., :count], self.relative[..., :count, :], self.parts, self.projection)
+
     def to(self, device: torch.device | str) -> PartBoxes:
         """The same on a device."""
         return PartBoxes(*(getattr(self, field.name).to(device) for field in fields(self)))

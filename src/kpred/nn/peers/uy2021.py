@@ -17,7 +17,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from kpred.errors import ConfigError, ModelError
+from kpred.errors import ConfigError
+from kpred.nn.peers.known_shapes import CODE_RATE, known_rows
 from kpred.nn.peers.part_boxes import PartBoxes
 from kpred.nn.peers.pointnet import PointNet
 from kpred.ops.typing import Float, Int
@@ -25,12 +26,9 @@ from kpred.ops.typing import Float, Int
 STEP = 0.1
 """What the decoder says is scaled by this (published)."""
 
-CODE_RATE = 10.0
-"""Codes learn so much faster than the networks: each is met in few steps of a short training, and Adam's steps do not
-depend on the scale of a parameter. At first codes are random numbers of deviation 1, those of the retrieval
-`REGION_SPREAD`, which makes the first odds neither even nor certain."""
-
 REGION_SPREAD = 0.25
+"""At first codes are random numbers of deviation 1, those of the retrieval of this one, which makes the first odds
+neither even nor certain."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +78,7 @@ class Uy2021(nn.Module):
         Raises:
             ModelError: if one was not among the sources of the training.
         """
-        known = {name: row for row, name in enumerate(self.config.sources)}
-        missing = [name for name in model_ids if name not in known]
-        if missing:
-            raise ModelError(
-                f"{len(missing)} of {len(model_ids)} sources were not in the training of this peer, which knows its "
-                f"sources by codes alone (the first is {missing[0]}); train it on the packs it is measured on."
-            )
-        return torch.tensor([known[name] for name in model_ids], device=self.source_codes.device)
+        return known_rows(self.config.sources, model_ids).to(self.source_codes.device)
 
     def encode(self, targets: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch size"]:
         """What the deformation knows of targets."""

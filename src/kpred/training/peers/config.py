@@ -2,40 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, Literal
 
 from kpred.errors import ConfigError
 from kpred.training.config import StageConfig
+from kpred.training.single_stage import SingleStageConfig
 
 
 @dataclass(frozen=True)
-class PeerTraining:
+class PeerTraining(SingleStageConfig):
     """What the trainings of all peers share.
 
     Attributes:
-        optimisation: steps, batch (targets a step), rate.
-        points: points of each cloud in a step.
         stretch: targets are scaled per axis by up to this factor and put back into their unit boxes (1 is off).
-        seed, checkpoint_every, precision, compile: as in `kpred.training.config.TrainConfig`.
     """
 
-    optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=16))
-    points: int = 1024
     stretch: float = 1.0
-    seed: int = 0
-    checkpoint_every: int = 200
-    precision: Literal["float32", "bfloat16"] = "float32"
-    compile: bool = False
-
-    def __post_init__(self) -> None:
-        if self.points < 64:
-            raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for checkpoints and records."""
-        return dataclasses.asdict(self)
 
 
 @dataclass(frozen=True)
@@ -57,6 +39,21 @@ class KeypointDeformerTraining(PeerTraining):
 
 
 @dataclass(frozen=True)
+class NeuralCagesTraining(PeerTraining):
+    """Losses of Neural Cages.
+
+    Attributes:
+        coordinate_weight: of the mean square of negative mean value coordinates (1, published).
+        shape_weight: of the change of normals and of the lack of symmetry (0.1, published). Unlike the published
+            ones both are means over points, and normals are those of two neighbours.
+    """
+
+    points: int = 512
+    coordinate_weight: float = 1.0
+    shape_weight: float = 0.1
+
+
+@dataclass(frozen=True)
 class Uy2021Training(PeerTraining):
     """Losses of Uy et al. 2021.
 
@@ -64,12 +61,12 @@ class Uy2021Training(PeerTraining):
         candidates: sources deformed to each target of a batch (10).
         warmup: first steps in which candidates are drawn at random; after them half of them are drawn by the
             retrieval's own odds, so that the deformation learns what is retrieved.
-        retrieval_weight: of the difference between the odds of the retrieval and those of the deformation errors.
+        retrieval_weight: of the cross-entropy of the odds of the retrieval against those of the deformation errors.
         temperature: odds of sources fall by e for each such share of the mean error by which they are worse.
     """
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=8))
-    candidates: int = 6
+    candidates: int = 10
     warmup: int = 500
     retrieval_weight: float = 0.1
     temperature: float = 0.2
@@ -78,3 +75,39 @@ class Uy2021Training(PeerTraining):
         super().__post_init__()
         if self.candidates < 2:
             raise ConfigError(f"Retrieval is learned from at least 2 candidates, but candidates = {self.candidates}.")
+
+
+@dataclass(frozen=True)
+class URedTraining(PeerTraining):
+    """Losses of U-RED, all as published but divided by 30.
+
+    Attributes:
+        mirror_weight: of the Chamfer distance from the target to the mirrored result.
+        consistency_weight: between the results for whole and partial targets.
+        residual_weight: of the L1 error of the predicted residuals; a hundredth of it: of their own length.
+        reconstruction_weight: of the clouds' reconstruction, by which the encoders are kept honest.
+        occlusion: least and greatest share of a target hidden from the branch for partial ones.
+    """
+
+    mirror_weight: float = 1.0
+    consistency_weight: float = 0.33
+    residual_weight: float = 0.1
+    reconstruction_weight: float = 1.0
+    occlusion: tuple[float, float] = (0.25, 0.75)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 <= self.occlusion[0] <= self.occlusion[1] < 1:
+            raise ConfigError(f"Occlusion must be two shares in [0, 1), low then high, but is {self.occlusion}.")
+
+
+@dataclass(frozen=True)
+class ShapeFlowTraining(PeerTraining):
+    """Losses of ShapeFlow: there is only the Chamfer distance, both ways between the shapes of a pair."""
+
+    points: int = 512
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.stretch != 1.0:
+            raise ConfigError("ShapeFlow has a code for every shape, so that shapes cannot be stretched; leave it out.")

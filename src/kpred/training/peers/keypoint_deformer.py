@@ -2,45 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
 import torch
 from torch import Tensor
 
 from kpred.nn.peers.keypoint_deformer import KeypointDeformer
 from kpred.ops import chamfer_distance, farthest_point_sampling
-from kpred.training.config import StageConfig
 from kpred.training.data import TrainingData
 from kpred.training.peers.config import KeypointDeformerTraining
+from kpred.training.single_stage import SingleStage
 
 SPREAD_POINTS = 512
 """Points of each cloud among which the farthest are sought."""
 
 
-class KeypointDeformerStage:
+class KeypointDeformerStage(SingleStage[KeypointDeformerTraining]):
     """L = L_sim + w_k L_kpt + w_i L_inf of the publication, in the form that the training loop wants."""
 
     name = "keypoint-deformer"
 
     def __init__(self, network: KeypointDeformer, data: TrainingData, config: KeypointDeformerTraining) -> None:
         self.network, self.data, self.config = network, data, config
-
-    @property
-    def settings(self) -> StageConfig:
-        """The optimisation settings."""
-        return self.config.optimisation
-
-    def model_config(self) -> dict[str, Any]:
-        """The network's config."""
-        return self.network.config.to_dict()
-
-    def parameters(self) -> Iterator[torch.nn.Parameter]:
-        """All of them."""
-        return self.network.parameters()
-
-    def start(self) -> None:
-        """Nothing to do."""
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Loss terms of one random batch of source/target pairs."""

@@ -12,7 +12,7 @@ from kpred.errors import MeshError, PackError, ScanError
 from kpred.nn.peers.part_boxes import PartBoxes
 from kpred.ops import sample_surface, unit_box_frame
 from kpred.ops.nearest import nearest_neighbours
-from kpred.ops.typing import Float
+from kpred.ops.typing import Float, Int
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.pack import MeshPack
 from kpred.shapes.parts import part_labels
@@ -22,7 +22,7 @@ POINTS = 2048
 """Points by which a source is cut into boxes and contacts are found."""
 
 LABELLED_POINTS = 8192
-"""Points of which the part is known for sure; any other takes that of the nearest."""
+"""Points of which the part is known for sure; given ones take that of the nearest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,13 @@ class PartSources:
         """The same on a device."""
         return PartSources(self.model_ids, self.points.to(device), self.boxes.to(device))
 
+    def some(self, rows: Int[Tensor, " rows"], count: int) -> tuple[Tensor, PartBoxes]:
+        """The first points of the sources of these rows, (rows, count, 3), and their parts."""
+        return self.points[rows, :count], self.boxes.take(rows).first(count)
+
 
 def cut(mesh: Mesh, vertices: Tensor, points: Float[Tensor, "points 3"], parts: int) -> PartBoxes:
-    """A source's points cut into at most `parts` parts.
+    """A source's given points cut into at most `parts` parts.
 
     Args:
         mesh: cleaned, so that its parts are numbered alike in training and use; vertices: its own in the unit box.
@@ -69,19 +73,28 @@ def read_part_sources(
         try:
             mesh = clean_mesh(replace(pack[row], name=name))
             vertices = torch.from_numpy(unit_box_frame(mesh.vertices).to_unit(mesh.vertices)).float()
-            points, _ = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), POINTS, generator)
+            points, face = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), POINTS, generator)
         except (MeshError, ScanError):  # without area, or without size
             continue
         names.append(name)
         clouds.append(points)
-        boxes.append(cut(mesh, vertices, points, parts))
+        boxes.append(PartBoxes.of_shape(points, torch.from_numpy(part_labels(mesh, parts))[face], parts))
         if progress:
             progress("cutting sources into parts", done, len(chosen))
     if len(names) < 2:
         raise PackError(
             f"The mesh packs hold fewer than two shapes in the split {split}; this peer deforms only these."
         )
+    refuse_twins(names)
+    return PartSources(tuple(names), torch.stack(clouds), PartBoxes.stack(boxes))
+
+
+def refuse_twins(names: Sequence[str]) -> None:
+    """Ids by which shapes are known later must be their own.
+
+    Raises:
+        PackError: if two shapes have one id.
+    """
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise PackError(f"Two shapes of the split {split} are called {twice}; give packs with ids of their own.")
-    return PartSources(tuple(names), torch.stack(clouds), PartBoxes.stack(boxes))
+        raise PackError(f"Two shapes of the training are called {twice}; give packs with ids of their own.")

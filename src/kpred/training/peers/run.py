@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence, Sized
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
 
 from kpred.errors import PackError
 from kpred.nn import KPRed
 from kpred.nn.peers.keypoint_deformer import KeypointDeformer, KeypointDeformerConfig
-from kpred.nn.peers.loading import Peer, peer_name, save_peer
+from kpred.nn.peers.loading import peer_name, save_peer
+from kpred.nn.peers.neural_cages import NeuralCages, NeuralCagesConfig
+from kpred.nn.peers.shapeflow import ShapeFlow, ShapeFlowConfig
+from kpred.nn.peers.u_red import URed, URedConfig
 from kpred.nn.peers.uy2021 import Uy2021, Uy2021Config
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
-from kpred.training.data import Progress, prepare
+from kpred.training.data import Progress, TrainingData, prepare
 from kpred.training.loop import StepReport, Work, optimise, resumable
-from kpred.training.peers.config import KeypointDeformerTraining, PeerTraining, Uy2021Training
+from kpred.training.peers.config import (
+    KeypointDeformerTraining,
+    NeuralCagesTraining,
+    PeerTraining,
+    ShapeFlowTraining,
+    URedTraining,
+    Uy2021Training,
+)
 from kpred.training.peers.keypoint_deformer import KeypointDeformerStage
-from kpred.training.peers.part_sources import read_part_sources
+from kpred.training.peers.neural_cages import NeuralCagesStage
+from kpred.training.peers.part_sources import read_part_sources, refuse_twins
+from kpred.training.peers.shapeflow import ShapeFlowStage
+from kpred.training.peers.u_red import URedStage
 from kpred.training.peers.uy2021 import Uy2021Stage
 
 STREAM = 4
@@ -30,71 +42,168 @@ STREAM = 4
 
 SOURCE_SPLIT = "source"
 
+Device = torch.device | str
 
-def train_keypoint_deformer(
+
+@dataclass(frozen=True)
+class Prepared:
+    """A training that is ready to begin.
+
+    Attributes:
+        network: fresh, on its device; shapes: numbers of sources and targets, for the record.
+        stage: makes the work of the loop; the settings may have other steps than those it was prepared with.
+    """
+
+    network: Any
+    stage: Callable[[Any], Work]
+    shapes: dict[str, int]
+
+
+def prepare_peer(
     packs: Sequence[MeshPack],
-    model: KeypointDeformerConfig,
-    config: KeypointDeformerTraining,
-    folder: Path,
-    device: torch.device | str = "cpu",
+    model: Any,
+    config: PeerTraining,
+    device: Device = "cpu",
     progress: Progress | None = None,
-    report: StepReport | None = None,
-    resume: bool = True,
-) -> KeypointDeformer:
-    """Train KeypointDeformer on the splits source and train of one category; weights go to `folder/model`.
+) -> Prepared:
+    """Read the splits source and train of one category and make a peer's fresh network.
 
-    A stopped training goes on where it was.
+    Args:
+        model: the peer's config, which says which peer it is; its category and shapes are those of the packs.
 
     Raises:
         PackError: if the packs are of several categories or hold too few shapes.
-        CheckpointError: if the folder holds a run with other settings.
-        OutputError: if the folder cannot be written.
     """
-    architecture = replace(model, category=_category(packs))
-    network = _made(lambda: KeypointDeformer(architecture), config.seed).to(device)
-    # The preparation asks the network for nothing but cages, and this one makes the same.
-    cages = KPRed(architecture.model_config())
-    data = prepare(list(packs), cages, config.points, config.seed, device, progress=progress)
-    _train(network, KeypointDeformerStage(network, data, config), config, folder, data.device, report, resume)
-    _record(network, config, folder, {"sources": len(data.sources), "targets": len(data.targets)})
-    return network
+    found = sorted({pack.category for pack in packs})
+    if len(found) != 1:
+        raise PackError(f"A run trains one category, but was given {', '.join(found) or 'no pack'}; give packs of one.")
+    return _PREPARATIONS[type(model)](packs, replace(model, category=found[0]), config, device, progress)
 
 
-def train_uy2021(
+def train_peer(
     packs: Sequence[MeshPack],
-    model: Uy2021Config,
-    config: Uy2021Training,
+    model: Any,
+    config: PeerTraining,
     folder: Path,
-    device: torch.device | str = "cpu",
+    device: Device = "cpu",
     progress: Progress | None = None,
     report: StepReport | None = None,
     resume: bool = True,
-) -> Uy2021:
-    """Train Uy et al. 2021: sources are the split source, targets the splits source and train of one category.
+) -> Any:
+    """Train a peer on the splits source and train of one category; weights go to `folder/model`.
 
-    Weights, codes of the sources among them, go to `folder/model`. A stopped training goes on where it was.
+    A stopped training goes on where it was.
+
+    Args:
+        model, config: the peer's own, which say which peer it is.
 
     Raises:
         PackError: if the packs are of several categories or hold too few shapes.
         CheckpointError: if the folder holds a run with other settings or sources.
         OutputError: if the folder cannot be written.
     """
-    category = _category(packs)
+    prepared = prepare_peer(packs, model, config, device, progress)
+    run_peer(prepared, config, folder, report, resume)
+    return prepared.network
+
+
+def run_peer(
+    prepared: Prepared,
+    config: PeerTraining,
+    folder: Path,
+    report: StepReport | None = None,
+    resume: bool = True,
+    log: bool = True,
+) -> None:
+    """The steps of a training that is prepared, and the weights with their record.
+
+    Raises:
+        CheckpointError: if the folder holds a run with other settings or sources.
+        OutputError: if the folder cannot be written.
+    """
+    network = prepared.network
+    device = next(network.parameters()).device
+    work = prepared.stage(config)
+    checkpoint = resumable(folder, work.name, work.model_config(), config.to_dict(), device) if resume else None
+    if checkpoint:
+        network.load_state_dict(checkpoint.weights)
+    optimise(work, checkpoint, folder, device, STREAM, report, log)
+    keep(prepared, config, folder)
+
+
+def keep(prepared: Prepared, config: PeerTraining, folder: Path, steps: int | None = None) -> None:
+    """Write weights and their record to `folder/model`; `steps` says how many were done where not all were.
+
+    Raises:
+        OutputError: if the folder cannot be written.
+    """
+    network = prepared.network
+    save_peer(network, folder / "model")
+    values: dict[str, Any] = {
+        "peer": peer_name(network),
+        "training": config.to_dict(),
+        "shapes": prepared.shapes,
+    }
+    if steps is not None:
+        values["stopped_after"] = steps
+    with atomic_path(folder / "model" / "training.json") as temporary:
+        temporary.write_text(json.dumps(values, indent=2) + "\n")
+
+
+def _keypoint_deformer(
+    packs: Sequence[MeshPack],
+    model: KeypointDeformerConfig,
+    config: KeypointDeformerTraining,
+    device: Device,
+    progress: Progress | None,
+) -> Prepared:
+    network = _made(lambda: KeypointDeformer(model), config.seed).to(device)
+    # The preparation asks the network for nothing but cages, and this one makes the same.
+    data = prepare(list(packs), KPRed(model.model_config()), config.points, config.seed, device, progress=progress)
+    return Prepared(network, lambda c: KeypointDeformerStage(network, data, c), _count(data, data.sources))
+
+
+def _neural_cages(
+    packs: Sequence[MeshPack],
+    model: NeuralCagesConfig,
+    config: NeuralCagesTraining,
+    device: Device,
+    progress: Progress | None,
+) -> Prepared:
+    network = _made(lambda: NeuralCages(model), config.seed).to(device)
+    data = prepare(list(packs), None, config.points, config.seed, device, progress=progress)
+    return Prepared(network, lambda c: NeuralCagesStage(network, data, c), _count(data, data.sources))
+
+
+def _uy2021(
+    packs: Sequence[MeshPack], model: Uy2021Config, config: Uy2021Training, device: Device, progress: Progress | None
+) -> Prepared:
     sources = read_part_sources(packs, model.parts, config.seed, SOURCE_SPLIT, progress).to(device)
-    architecture = replace(model, category=category, sources=sources.model_ids)
-    network = _made(lambda: Uy2021(architecture), config.seed).to(device)
-    cages = KPRed(KeypointDeformerConfig(category).model_config())
-    data = prepare(list(packs), cages, config.points, config.seed, device, SOURCE_SPLIT, progress)
-    _train(network, Uy2021Stage(network, data, sources, config), config, folder, data.device, report, resume)
-    _record(network, config, folder, {"sources": len(sources.model_ids), "targets": len(data.targets)})
-    return network
+    network = _made(lambda: Uy2021(replace(model, sources=sources.model_ids)), config.seed).to(device)
+    data = prepare(list(packs), None, config.points, config.seed, device, SOURCE_SPLIT, progress)
+    return Prepared(network, lambda c: Uy2021Stage(network, data, sources, c), _count(data, sources.points))
 
 
-def _category(packs: Sequence[MeshPack]) -> str:
-    found = sorted({pack.category for pack in packs})
-    if len(found) != 1:
-        raise PackError(f"A run trains one category, but was given {', '.join(found) or 'no pack'}; give packs of one.")
-    return found[0]
+def _u_red(
+    packs: Sequence[MeshPack], model: URedConfig, config: URedTraining, device: Device, progress: Progress | None
+) -> Prepared:
+    sources = read_part_sources(packs, model.parts, config.seed, SOURCE_SPLIT, progress).to(device)
+    network = _made(lambda: URed(model), config.seed).to(device)
+    data = prepare(list(packs), None, config.points, config.seed, device, SOURCE_SPLIT, progress)
+    return Prepared(network, lambda c: URedStage(network, data, sources, c), _count(data, sources.points))
+
+
+def _shapeflow(
+    packs: Sequence[MeshPack],
+    model: ShapeFlowConfig,
+    config: ShapeFlowTraining,
+    device: Device,
+    progress: Progress | None,
+) -> Prepared:
+    data = prepare(list(packs), None, config.points, config.seed, device, SOURCE_SPLIT, progress)
+    refuse_twins(data.model_ids)
+    network = _made(lambda: ShapeFlow(replace(model, sources=data.model_ids)), config.seed).to(device)
+    return Prepared(network, lambda c: ShapeFlowStage(network, data, c), _count(data, data.sources))
 
 
 def _made(build: Callable[[], Any], seed: int) -> Any:
@@ -104,23 +213,14 @@ def _made(build: Callable[[], Any], seed: int) -> Any:
         return build()
 
 
-def _train(
-    network: nn.Module,
-    work: Work,
-    config: PeerTraining,
-    folder: Path,
-    device: torch.device,
-    report: StepReport | None,
-    resume: bool,
-) -> None:
-    checkpoint = resumable(folder, work.name, work.model_config(), config.to_dict(), device) if resume else None
-    if checkpoint:
-        network.load_state_dict(checkpoint.weights)
-    optimise(work, checkpoint, folder, device, STREAM, report)
+def _count(data: TrainingData, sources: Sized) -> dict[str, int]:
+    return {"sources": len(sources), "targets": len(data.targets)}
 
 
-def _record(network: Peer, config: PeerTraining, folder: Path, shapes: dict[str, int]) -> None:
-    save_peer(network, folder / "model")
-    values = {"peer": peer_name(network), "training": config.to_dict(), "shapes": shapes}
-    with atomic_path(folder / "model" / "training.json") as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n")
+_PREPARATIONS: dict[type[Any], Callable[..., Prepared]] = {
+    KeypointDeformerConfig: _keypoint_deformer,
+    NeuralCagesConfig: _neural_cages,
+    Uy2021Config: _uy2021,
+    URedConfig: _u_red,
+    ShapeFlowConfig: _shapeflow,
+}
