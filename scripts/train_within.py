@@ -61,6 +61,9 @@ PLUS = TrainConfig(
     ranking_weight=0.5,
     checkpoint_every=100_000,
 )
+BLOCKS = 2
+"""Of a fresh recognizer: with more it was worse on shapes of sources it has not seen."""
+
 RECOGNITION = RecognitionConfig(optimisation=StageConfig(batch=192), points=320, checkpoint_every=100_000)
 
 
@@ -182,7 +185,7 @@ def train_recognizer(
 def recognizer(categories: tuple[str, ...], start_from: str | None) -> Recognizer:
     """A fresh one that tells completeness too, or a finished one, of which only what tells that may be fresh."""
     earlier = None if start_from is None else finished(start_from)
-    blocks = {} if earlier is None else {"width": earlier.config.width, "blocks": earlier.config.blocks}
+    blocks = {"blocks": BLOCKS} if earlier is None else {"width": earlier.config.width, "blocks": earlier.config.blocks}
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(RECOGNITION.seed)
         network = Recognizer(RecognizerConfig(categories=categories, completeness=True, **blocks))

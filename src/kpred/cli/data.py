@@ -24,6 +24,7 @@ class GenerateCommand(Command):
     examples:
       kpred data generate chair -n 2000 -o chair.npz
       kpred data generate table -n 500 --seed 7 --cuboids 0.3 -o table.npz
+      kpred data generate cabinet -n 500 --coarse 0.5 -o cabinet.npz
       kpred data generate other -n 1000 -o other.npz
     """
 
@@ -37,6 +38,8 @@ class GenerateCommand(Command):
     """Shape i depends on category, seed and i alone"""
     cuboids: Annotated[float, arg(metavar="SHARE")] = 0.0
     """Share of shapes, 0 to 1, whose parts are replaced by their boxes"""
+    coarse: Annotated[float, arg(metavar="SHARE")] = 0.0
+    """Share of shapes, 0 to 1, of few plain boxes in wide proportions, as games and simplified models have them"""
     splits: Annotated[bool, arg(help_behavior_hint="")] = True
     """Put all shapes in the split `source`, and not 15 % source, 70 % train, 15 % val"""
 
@@ -49,7 +52,9 @@ class GenerateCommand(Command):
         if self.output.suffix.lower() != ".npz":
             raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")
         check_place(self.output)
-        pack = generate(self.category, self.count, self.seed, cuboids=self.cuboids, splits=self.splits)
+        pack = generate(
+            self.category, self.count, self.seed, cuboids=self.cuboids, splits=self.splits, coarse=self.coarse
+        )
         pack.save(self.output)
         _print_packs(output, [(self.output, pack)])
 

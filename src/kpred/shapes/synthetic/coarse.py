@@ -20,7 +20,7 @@ COARSE_FAMILIES: Mapping[str, Mapping[str, Family]] = MappingProxyType(
     {"chair": COARSE_CHAIRS, "table": COARSE_TABLES, "cabinet": {**COARSE_CASES, **COARSE_SHELVES}}
 )
 
-_WEIGHT = {"plain_chair": 3.0, "block_chair": 1.5, "post_table": 2.0, "closed_case": 1.5, "backless_case": 1.5}
+_WEIGHT = {"plain_chair": 3.0, "block_chair": 1.5, "post_table": 2.0, "closed_case": 2.0, "backless_case": 3.0}
 """Shares against those of the other families, which count 1: what is plainest is also most common."""
 
 
