@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,40 +28,24 @@ from kpred.training.augmentation import (
     random_views,
     yaw_matrices,
 )
-from kpred.training.config import StageConfig
 from kpred.training.data import Progress
 from kpred.training.distributed import ALONE, World
 from kpred.training.loop import StepReport, optimise, resumable
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import RecognitionData, prepare_recognition
+from kpred.training.single_stage import SingleStage
 
 RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
 """A cloud that is off by less than the first stands right, by more than the second wrongly; between, none is taught."""
 
 
-class RecognitionStage:
+class RecognitionStage(SingleStage[RecognitionConfig]):
     """Cross-entropy of the answers, error of the missing turn where a cloud stands about right, and completeness."""
 
     name = "recognition"
 
     def __init__(self, network: Recognizer, data: RecognitionData, config: RecognitionConfig) -> None:
         self.network, self.data, self.config = network, data, config
-
-    @property
-    def settings(self) -> StageConfig:
-        """The optimisation settings."""
-        return self.config.optimisation
-
-    def model_config(self) -> dict[str, Any]:
-        """The network's config."""
-        return self.network.config.to_dict()
-
-    def parameters(self) -> Iterator[torch.nn.Parameter]:
-        """All of them."""
-        return self.network.parameters()
-
-    def start(self) -> None:
-        """Nothing to do."""
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Loss terms of one random batch."""
