@@ -3,10 +3,10 @@
 import os
 import signal
 
-from kpred.batch.worker import fit_task
+from kpred.batch.worker import fit_tasks
 
 
-def killing_fit(task, settings, out):
-    if "few" in task.name:
+def killing_fit(tasks, settings, out):
+    if any("few" in task.name for task in tasks):
         os.kill(os.getpid(), signal.SIGKILL)
-    return fit_task(task, settings, out)
+    return fit_tasks(tasks, settings, out)

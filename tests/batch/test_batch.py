@@ -188,25 +188,29 @@ class Unreliable:
     def __init__(self, accidents):
         self.accidents, self.at_hand, self.most = accidents, [], 0
 
-    def start(self, task):
-        self.at_hand.append(task)
+    def start(self, group):
+        self.at_hand.append(group)
         self.most = max(self.most, len(self.at_hand))
 
     def finished(self):
-        if any(task.name == "killer" for task in self.at_hand):
+        if any(task.name == "killer" for group in self.at_hand for task in group):
             dead, self.at_hand = self.at_hand, []
-            return [(task, None) for task in dead]
-        task = self.at_hand.pop(0)
-        if self.accidents.get(task.name, 0):
-            self.accidents[task.name] -= 1
-            return [(task, Outcome(task.name, None, "the disk was full", again=True))]
-        return [(task, Outcome(task.name, {"name": task.name}))]
+            return [(group, None) for group in dead]
+        group = self.at_hand.pop(0)
+        return [(group, [self._outcome(task.name) for task in group])]
+
+    def _outcome(self, name):
+        if self.accidents.get(name, 0):
+            self.accidents[name] -= 1
+            return Outcome(name, None, "the disk was full", again=True)
+        return Outcome(name, {"name": name})
 
     def close(self):
         pass
 
 
-def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path):
+@pytest.mark.parametrize("together", [1, 2, 3])
+def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path, together):
     names = ["a", "b", "killer", "c", "d", "e", "f"]
     crew = Unreliable({"b": 1, "e": 9})
     read = []
@@ -214,11 +218,11 @@ def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path):
     def tasks():
         for name in names:
             read.append(name)
-            assert len(read) <= len(set(read) - set(crew_names(crew))) + 4  # never far ahead of the work
+            assert len(read) <= len(set(read) - set(crew_names(crew))) + 4 * together  # never far ahead of the work
             yield Task(name, name)
 
     with Ledger(tmp_path, {}) as ledger:
-        report = _Batch(crew, ledger, attempts=3, progress=None).run(tasks())
+        report = _Batch(crew, ledger, attempts=3, progress=None, together=together).run(tasks())
     assert dict(report.failed) == {"killer": "the process that fitted it died", "e": "the disk was full"}
     assert report.fitted == 5
     assert crew.most <= 4
@@ -226,7 +230,7 @@ def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path):
 
 
 def crew_names(crew):
-    return [task.name for task in crew.at_hand]
+    return [task.name for group in crew.at_hand for task in group]
 
 
 def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
@@ -234,12 +238,12 @@ def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
     folder = str(Path(__file__).parent)
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("PYTHONPATH", folder)
-    monkeypatch.setattr("kpred.batch.crew.fit_task", import_module("killing_worker").killing_fit)
+    monkeypatch.setattr("kpred.batch.crew.fit_tasks", import_module("killing_worker").killing_fit)
     out = tmp_path / "out"
     with Ledger(out, {}) as ledger:
         crew = ProcessCrew(1, settings, str(out))
         try:
-            report = _Batch(crew, ledger, attempts=2, progress=None).run(read_tasks(place / "scans"))
+            report = _Batch(crew, ledger, attempts=2, progress=None, together=3).run(read_tasks(place / "scans"))
         finally:
             crew.close()
     assert report.fitted == 6
@@ -261,3 +265,34 @@ def test_networks_on_a_device_find_the_same(place, settings, whole, tmp_path):
     outcome = fit_task(task, settings, str(tmp_path), device="cpu:0")
     assert outcome.problem == ""
     assert outcome.row == contents(whole[0])["scan 0.npy"]["batch"]
+
+
+def test_scans_that_are_read_together_are_fitted_as_each_alone(tmp_path, monkeypatch):
+    from kpred.batch.worker import fit_task, fit_tasks
+    from kpred.bench.fits import scans
+    from kpred.fitting.observation import EncodedAhead
+    from kpred.fitting.resources import as_model
+
+    chosen = BatchSettings(category="chair", frame="known")
+    for number, cloud in enumerate(scans(as_model(None), 9)["chair"]):
+        np.save(tmp_path / f"{number}.npy", cloud)
+    (tmp_path / "damaged.ply").write_bytes(b"ply\nnonsense")
+    *tasks, broken = read_tasks(tmp_path)
+    for task in tasks:
+        assert fit_task(task, chosen, str(tmp_path / "alone")).problem == ""
+    asked = []
+    encode = EncodedAhead.encode
+    monkeypatch.setattr(EncodedAhead, "encode", lambda *given: asked.append(given[-1]) or encode(*given))
+    outcomes = fit_tasks([*tasks, broken, Task("none", None, problem="broken row")], chosen, str(tmp_path / "together"))
+    assert [outcome.problem for outcome in outcomes[: len(tasks)]] == [""] * len(tasks)
+    assert not [partial for partial in asked if not partial], "every scan was among those that were read"
+    assert "damaged.ply" in outcomes[-2].problem
+    assert outcomes[-1].problem == "broken row"
+    alone, together = contents(tmp_path / "alone"), contents(tmp_path / "together")
+    assert len(alone) == 3
+    assert alone.keys() == together.keys()
+    for name, record in alone.items():
+        other = together[name]
+        assert other["batch"]["model_id"] == record["batch"]["model_id"]
+        assert other["batch"]["error"] == pytest.approx(record["batch"]["error"], rel=1e-4)
+        np.testing.assert_allclose(other["keypoints"], record["keypoints"], atol=1e-4)

@@ -8,24 +8,27 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol, runtime_checkable
 
 from kpred.batch.task import Task
-from kpred.batch.worker import BatchSettings, Outcome, fit_task, single_threaded
+from kpred.batch.worker import BatchSettings, Outcome, fit_tasks, single_threaded
+
+Group = tuple[Task, ...]
+"""Tasks that one worker takes together."""
 
 
 @runtime_checkable
 class Crew(Protocol):
-    """Workers. A task whose worker dies comes back with None instead of an outcome."""
+    """Workers. A group whose worker dies comes back with None instead of outcomes."""
 
     @property
     def size(self) -> int:
-        """How many tasks are worked on at once."""
+        """How many groups are worked on at once."""
         ...
 
-    def start(self, task: Task) -> None:
-        """Hand in a task."""
+    def start(self, group: Group) -> None:
+        """Hand in a group of tasks."""
         ...
 
-    def finished(self) -> list[tuple[Task, Outcome | None]]:
-        """Wait until a task is done, and return all that are."""
+    def finished(self) -> list[tuple[Group, list[Outcome] | None]]:
+        """Wait until a group is done, and return all that are."""
         ...
 
     def close(self) -> None:
@@ -39,7 +42,7 @@ class ProcessCrew:
     def __init__(self, size: int, settings: BatchSettings, out: str) -> None:
         self.size = size
         self._settings, self._out = settings, out
-        self._tasks: dict[Future[Outcome], Task] = {}
+        self._groups: dict[Future[list[Outcome]], Group] = {}
         self._pool = self._new_pool()
 
     def _new_pool(self) -> ProcessPoolExecutor:
@@ -47,30 +50,30 @@ class ProcessCrew:
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self.size, mp_context=context, initializer=single_threaded)
 
-    def start(self, task: Task) -> None:
+    def start(self, group: Group) -> None:
         """See `Crew`."""
         try:
-            future = self._pool.submit(fit_task, task, self._settings, self._out)
+            future = self._pool.submit(fit_tasks, group, self._settings, self._out)
         except BrokenProcessPool:
             self._pool = self._new_pool()
-            future = self._pool.submit(fit_task, task, self._settings, self._out)
-        self._tasks[future] = task
+            future = self._pool.submit(fit_tasks, group, self._settings, self._out)
+        self._groups[future] = group
 
-    def finished(self) -> list[tuple[Task, Outcome | None]]:
-        """See `Crew`; when one process dies, all tasks at hand come back with None."""
-        done, _ = wait(self._tasks, return_when=FIRST_COMPLETED)
-        found: list[tuple[Task, Outcome | None]] = []
+    def finished(self) -> list[tuple[Group, list[Outcome] | None]]:
+        """See `Crew`; when one process dies, all groups at hand come back with None."""
+        done, _ = wait(self._groups, return_when=FIRST_COMPLETED)
+        found: list[tuple[Group, list[Outcome] | None]] = []
         for future in done:
-            task = self._tasks.pop(future)
+            group = self._groups.pop(future)
             try:
-                found.append((task, future.result()))
+                found.append((group, future.result()))
             except BrokenProcessPool:
-                found.append((task, None))
+                found.append((group, None))
         return found
 
     def close(self) -> None:
         """See `Crew`."""
         for process in list((getattr(self._pool, "_processes", None) or {}).values()):
-            if self._tasks:
+            if self._groups:
                 process.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)

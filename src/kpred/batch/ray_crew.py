@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from kpred.batch.crew import Group
 from kpred.batch.ray_cluster import RayCluster
-from kpred.batch.task import Task
-from kpred.batch.worker import BatchSettings, Outcome, fit_task, single_threaded
+from kpred.batch.worker import BatchSettings, Outcome, fit_tasks, single_threaded
 
 
 class RayCrew:
@@ -23,24 +23,24 @@ class RayCrew:
         self._ray = self._cluster.ray
         self.size = self._cluster.size
         self._idle: deque[Any] = deque(self._cluster.actors(_Worker, settings, out, "cuda" if gpus else "cpu"))
-        self._tasks: dict[Any, tuple[Task, Any]] = {}
+        self._groups: dict[Any, tuple[Group, Any]] = {}
 
-    def start(self, task: Task) -> None:
+    def start(self, group: Group) -> None:
         """See `Crew`."""
         actor = self._idle[0]
         self._idle.rotate(-1)  # calls wait at their actor: the next one starts as soon as one ends
-        self._tasks[actor.fit.remote(task)] = (task, actor)
+        self._groups[actor.fit.remote(group)] = (group, actor)
 
-    def finished(self) -> list[tuple[Task, Outcome | None]]:
-        """See `Crew`; the tasks that waited at a dead actor come back with None too."""
-        done, _ = self._ray.wait(list(self._tasks), num_returns=1)
-        found: list[tuple[Task, Outcome | None]] = []
+    def finished(self) -> list[tuple[Group, list[Outcome] | None]]:
+        """See `Crew`; the groups that waited at a dead actor come back with None too."""
+        done, _ = self._ray.wait(list(self._groups), num_returns=1)
+        found: list[tuple[Group, list[Outcome] | None]] = []
         for reference in done:
-            task, _ = self._tasks.pop(reference)
+            group, _ = self._groups.pop(reference)
             try:
-                found.append((task, self._ray.get(reference)))
+                found.append((group, self._ray.get(reference)))
             except self._ray.exceptions.RayError:
-                found.append((task, None))
+                found.append((group, None))
         return found
 
     def workers(self) -> list[int]:
@@ -61,8 +61,8 @@ class _Worker:
         single_threaded()
         self._settings, self._out, self._device = settings, out, device
 
-    def fit(self, task: Task) -> Outcome:
-        return fit_task(task, self._settings, self._out, self._device)
+    def fit(self, group: Group) -> list[Outcome]:
+        return fit_tasks(group, self._settings, self._out, self._device)
 
     def pid(self) -> int:
         import os

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from kpred.batch.task import Task
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from kpred.nn import Model
 
 
@@ -33,6 +35,11 @@ class BatchSettings:
     refine: bool = True
     clean: bool = True
     mesh: str = ".ply"
+
+    @property
+    def batched(self) -> bool:
+        """Whether the networks read several scans at once: only where nothing of a scan's frame is to be found."""
+        return self.frame == "known"
 
     def to_dict(self) -> dict[str, Any]:
         """As plain values."""
@@ -66,7 +73,23 @@ def single_threaded() -> None:
         numba.set_num_threads(1)
 
 
-def fit_task(task: Task, settings: BatchSettings, out: str, device: str = "cpu") -> Outcome:
+def fit_tasks(tasks: Sequence[Task], settings: BatchSettings, out: str, device: str = "cpu") -> list[Outcome]:
+    """`fit_task` for several scans; those in their known frames are read by the networks in one batch first."""
+    ahead = _read_ahead(tasks, settings, device) if settings.batched and len(tasks) > 1 else {}
+    return [fit_task(task, settings, out, device, ahead.get(task.name)) for task in tasks]
+
+
+@dataclass(frozen=True, eq=False)
+class ReadAhead:
+    """A scan (N, 3) as it was read from its file, and the model whose networks have seen it."""
+
+    scan: np.ndarray
+    model: Model
+
+
+def fit_task(
+    task: Task, settings: BatchSettings, out: str, device: str = "cpu", ahead: ReadAhead | None = None
+) -> Outcome:
     """Fit one scan, write `stem`.json and its mesh below `out`, all or none, and say what became of it.
 
     `device`: where the networks run; all else is the CPU's.
@@ -80,8 +103,8 @@ def fit_task(task: Task, settings: BatchSettings, out: str, device: str = "cpu")
         return Outcome(task.name, None, task.problem or "no file is named")
     try:
         found = fit(
-            task.path,
-            settings.model if device == "cpu" else _placed(settings.model, device),
+            task.path if ahead is None else ahead.scan,
+            _model(settings, device) if ahead is None else ahead.model,
             settings.database,
             task.category or settings.category,
             top_k=settings.top_k,
@@ -119,6 +142,44 @@ def fit_task(task: Task, settings: BatchSettings, out: str, device: str = "cpu")
     except Exception as error:  # one bad scan must not stop the rest, whatever is wrong with it
         return Outcome(task.name, None, f"{type(error).__name__}: {error}", again=True)
     return Outcome(task.name, row)
+
+
+def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> dict[str, ReadAhead]:
+    """Scans of one category and size, by name of the task; what is wrong with others is told when they are fitted."""
+    import numpy as np
+    import torch
+
+    from kpred.errors import KpredError
+    from kpred.fitting.fit_scan import MOST_POINTS, SCAN_POINTS, _subsample
+    from kpred.fitting.observation import EncodedAhead
+    from kpred.fitting.resources import as_model
+    from kpred.nn import Model
+    from kpred.shapes.scan import check_points, read_scan
+
+    groups: dict[tuple[str, int], dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+    for task in tasks:
+        category = task.category or settings.category
+        if category is None or task.path is None or task.problem:
+            continue
+        with suppress(KpredError, OSError):
+            scan = check_points(read_scan(task.path), task.path)
+            points = _subsample(scan, MOST_POINTS, seed=0)[:SCAN_POINTS]  # those that the fit will take
+            groups.setdefault((category, len(points)), {})[task.name] = scan, points
+    model = as_model(_model(settings, device))
+    found: dict[str, ReadAhead] = {}
+    for (category, _), group in groups.items():
+        if category not in model:
+            continue
+        seen = model
+        if len(group) > 1:
+            clouds = torch.from_numpy(np.stack([points for _, points in group.values()])).float()
+            seen = Model(model.name, {category: EncodedAhead(model[category], clouds)}, model.recognizer)
+        found |= {name: ReadAhead(scan, seen) for name, (scan, _) in group.items()}
+    return found
+
+
+def _model(settings: BatchSettings, device: str) -> Model | str | None:
+    return settings.model if device == "cpu" else _placed(settings.model, device)
 
 
 @lru_cache(maxsize=1)

@@ -49,6 +49,7 @@ class ScanBatch:
         targets: (S, P, 3) the scans; confidence: (S, K); partial: whether only scan-to-model distances count.
         rows: (S, C) of the models; distances: (S, C) of tokens.
         points: (S, C, N, 3); basis: (S, C, N, K); displacement: (S, C, K, 3) of the models' keypoints.
+        stopped: (S, C) bool, of those that refinement gave up as hopeless.
     """
 
     targets: Tensor
@@ -59,6 +60,7 @@ class ScanBatch:
     points: Tensor
     basis: Tensor
     displacement: Tensor
+    stopped: Tensor | None = None
 
     @classmethod
     def retrieved(
@@ -82,7 +84,14 @@ class ScanBatch:
         return self.points + self.basis @ self.displacement
 
     def errors(self, most: int | None = None) -> Float[Tensor, "scans models"]:
-        """CD or, for partial scans, UCD; unit box squared. `most` bounds the points used of each cloud."""
+        """CD or, for partial scans, UCD; unit box squared; infinite for those that were stopped.
+
+        `most` bounds the points used of each cloud.
+        """
+        if self.stopped is not None:
+            going = (~self.stopped).nonzero()[:, 1].view(len(self.stopped), -1)
+            errors = torch.full_like(self.distances, torch.inf)
+            return errors.scatter(1, going, self.take(going).errors(most))
         result, goal = self.deformed(), self.targets
         if most is not None:
             result = result[:, :, :: max(1, result.shape[2] // most)]
@@ -95,20 +104,22 @@ class ScanBatch:
 
     def refined(self, config: RefineConfig) -> ScanBatch:
         """With refined keypoints, in the box as it is: a few quick steps of all, all steps of each scan's finalists."""
-        if self.rows.shape[1] <= config.finalists:
+        finalists = config.most_finalists(self.partial)
+        if self.rows.shape[1] <= finalists:
             return replace(self, displacement=self._refined(config, self.displacement))
         quick = replace(config, iterations=3, points=config.points // 2)
         started = replace(self, displacement=self._refined(quick, self.displacement))
-        ahead = started.errors(most=512).argsort(dim=1)[:, : config.finalists]
+        ahead = started.errors(most=512).argsort(dim=1)[:, :finalists]
         last = started.take(ahead)
         found = last._refined(config, self.take(ahead).displacement)
         scan = torch.arange(len(ahead), device=ahead.device)[:, None]
         displacement = started.displacement.clone()
         displacement[scan, ahead] = found
-        return replace(self, displacement=displacement)
+        stopped = torch.ones_like(self.rows, dtype=torch.bool).scatter(1, ahead, value=False)
+        return replace(self, displacement=displacement, stopped=stopped)
 
     def take(self, columns: Int[Tensor, "scans few"]) -> ScanBatch:
-        """Some of the models of each scan."""
+        """Some of the models of each scan, none of them stopped."""
         scan = torch.arange(len(columns), device=columns.device)[:, None]
         return replace(
             self,
@@ -117,6 +128,7 @@ class ScanBatch:
             points=self.points[scan, columns],
             basis=self.basis[scan, columns],
             displacement=self.displacement[scan, columns],
+            stopped=None,
         )
 
     def _refined(self, config: RefineConfig, network: Tensor) -> Tensor:
