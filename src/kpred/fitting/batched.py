@@ -49,7 +49,7 @@ class ScanBatch:
         targets: (S, P, 3) the scans; confidence: (S, K); partial: whether only scan-to-model distances count.
         rows: (S, C) of the models; distances: (S, C) of tokens.
         points: (S, C, N, 3); basis: (S, C, N, K); displacement: (S, C, K, 3) of the models' keypoints.
-        stopped: (S, C) bool, of those that refinement gave up as hopeless.
+        finalists: (S, F) columns of those that were refined to the end; None where all are worth as much.
     """
 
     targets: Tensor
@@ -60,7 +60,7 @@ class ScanBatch:
     points: Tensor
     basis: Tensor
     displacement: Tensor
-    stopped: Tensor | None = None
+    finalists: Tensor | None = None
 
     @classmethod
     def retrieved(
@@ -84,14 +84,13 @@ class ScanBatch:
         return self.points + self.basis @ self.displacement
 
     def errors(self, most: int | None = None) -> Float[Tensor, "scans models"]:
-        """CD or, for partial scans, UCD; unit box squared; infinite for those that were stopped.
+        """CD or, for partial scans, UCD; unit box squared; infinite for those that refinement gave up.
 
         `most` bounds the points used of each cloud.
         """
-        if self.stopped is not None:
-            going = (~self.stopped).nonzero()[:, 1].view(len(self.stopped), -1)
+        if self.finalists is not None:
             errors = torch.full_like(self.distances, torch.inf)
-            return errors.scatter(1, going, self.take(going).errors(most))
+            return errors.scatter(1, self.finalists, self.take(self.finalists).errors(most))
         result, goal = self.deformed(), self.targets
         if most is not None:
             result = result[:, :, :: max(1, result.shape[2] // most)]
@@ -115,11 +114,10 @@ class ScanBatch:
         scan = torch.arange(len(ahead), device=ahead.device)[:, None]
         displacement = started.displacement.clone()
         displacement[scan, ahead] = found
-        stopped = torch.ones_like(self.rows, dtype=torch.bool).scatter(1, ahead, value=False)
-        return replace(self, displacement=displacement, stopped=stopped)
+        return replace(self, displacement=displacement, finalists=ahead)
 
     def take(self, columns: Int[Tensor, "scans few"]) -> ScanBatch:
-        """Some of the models of each scan, none of them stopped."""
+        """Some of the models of each scan, whether they were finalists or not."""
         scan = torch.arange(len(columns), device=columns.device)[:, None]
         return replace(
             self,
@@ -128,7 +126,7 @@ class ScanBatch:
             points=self.points[scan, columns],
             basis=self.basis[scan, columns],
             displacement=self.displacement[scan, columns],
-            stopped=None,
+            finalists=None,
         )
 
     def _refined(self, config: RefineConfig, network: Tensor) -> Tensor:
