@@ -70,13 +70,16 @@ def write_runs(file: Path, runs: TrainedRuns) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    tensors = {f"{run}/{key}": value.half() for run, parts in runs.parts.items() for key, value in parts.items()}
+    tensors, same = _distinct(
+        {f"{run}/{key}": value.half() for run, parts in runs.parts.items() for key, value in parts.items()}
+    )
     record = {
         "model": runs.model.to_dict(),
         "training": runs.training.to_dict(),
         "data": runs.data,
         "source_split": runs.source_split,
         "facts": runs.facts,
+        "same": same,
     }
     with atomic_path(file) as temporary:
         save_file(tensors, temporary, metadata={KEY: json.dumps(record)})
@@ -93,8 +96,9 @@ def read_runs(file: Path) -> TrainedRuns:
         with safe_open(file, framework="pt") as stored:
             record = json.loads((stored.metadata() or {})[KEY])
             for key in stored.keys():  # noqa: SIM118 - it is no dict
-                run, _, name = key.partition("/")
-                parts.setdefault(run, {})[name] = stored.get_tensor(key)
+                for place in (key, *record["same"].get(key, [])):
+                    run, _, name = place.partition("/")
+                    parts.setdefault(run, {})[name] = stored.get_tensor(key)
         return TrainedRuns(
             ModelConfig.from_dict(record["model"]),
             TrainConfig.from_dict(record["training"]),
@@ -112,3 +116,17 @@ def read_runs(file: Path) -> TrainedRuns:
 def steps_of(config: TrainConfig) -> dict[str, int]:
     """Steps of each stage."""
     return {stage: getattr(config, stage).steps for stage in STAGES}
+
+
+def _distinct(tensors: dict[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, list[str]]]:
+    """Each content once, under its first name, and the other names of it: what is not trained is the same in many."""
+    first: dict[bytes, str] = {}
+    kept: dict[str, Tensor] = {}
+    same: dict[str, list[str]] = {}
+    for name, value in tensors.items():
+        content = repr(tuple(value.shape)).encode() + value.numpy().tobytes()
+        if content in first:
+            same.setdefault(first[content], []).append(name)
+        else:
+            first[content], kept[name] = name, value
+    return kept, same
