@@ -1,5 +1,6 @@
 """Peers: training falls, resumes exactly, is refused where it cannot be, and its weights come back as they were."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -31,7 +32,7 @@ from kpred.training.peers.config import (
     Uy2021Training,
 )
 from kpred.training.peers.part_sources import read_part_sources
-from kpred.training.peers.run import train_peer
+from kpred.training.peers.run import keep, prepare_peer, train_peer
 
 SHORT = StageConfig(steps=5, batch=2)
 FEW = {"optimisation": SHORT, "points": 96, "checkpoint_every": 2}
@@ -120,6 +121,16 @@ def test_refusals(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
         load_peer(config.parent)
     with pytest.raises(ModelError, match="no weights of a peer"):
         load_peers(tmp_path / "run")
+
+
+def test_a_training_that_was_stopped_says_so(packs: list[MeshPack], tmp_path: Path) -> None:
+    model, config = SMALL["neural-cages"]
+    prepared = prepare_peer(packs, model, config)
+    keep(prepared, config, tmp_path, steps=3)
+    assert load_peers(tmp_path)["table"].config.code_size == model.code_size
+    assert json.loads((tmp_path / "model" / "training.json").read_text())["stopped_after"] == 3
+    _train("neural-cages", packs, tmp_path)
+    assert "stopped_after" not in json.loads((tmp_path / "model" / "training.json").read_text())
 
 
 def test_uy_deforms_only_what_it_was_trained_on(packs: list[MeshPack], tmp_path: Path) -> None:
