@@ -23,6 +23,9 @@ from kpred.training.stages import STAGE_CLASSES, RetrievalStage
 
 POINTS = 2048
 
+FIGURES = 8
+"""How many there are: two ways of fitting, three stages of two models."""
+
 
 @dataclass(frozen=True)
 class Rate:
