@@ -97,6 +97,11 @@ def test_ablation_trains_keeps_and_prints(pack: Path, tmp_path: Path, capsys: py
     assert "row a: it is not trained to the end" in again.err
     assert main([*line[:6], "--runs", str(tmp_path / "runs"), "--steps", "2", "--preset", "kp-red-plus"]) == FAILED
     assert "was trained by other settings or data" in capsys.readouterr().err
+    taken = [*line[:6], "--preset", "kp-red-plus", "--top-k", "2", "--device", "cpu", "--as-trained"]
+    assert main([*taken, "--finished", "--json"]) == OK
+    assert json.loads(capsys.readouterr().out)["header"]["training"] == report["header"]["training"]
+    assert main([*taken, "--steps", "1"]) == USAGE
+    assert "leave out --steps" in capsys.readouterr().err
 
 
 def test_plots_are_written(made: Path, files: Path, pack: Path, tmp_path: Path) -> None:

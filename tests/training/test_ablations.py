@@ -183,7 +183,7 @@ def test_of_what_was_trained_elsewhere_only_whole_rows_are_taken(
 def test_the_settings_of_rows_are_read_back_if_they_are_all_the_same(
     pack: MeshPack, trained: dict[str, KPRed], tmp_path: Path
 ) -> None:
-    with pytest.raises(ConfigError, match="holds no rows"):
+    with pytest.raises(ConfigError, match="holds no finished row"):
         recorded_training(tmp_path, FULL_ROWS)
     _runs(pack, tmp_path).adopt(_as_parts(trained))
     assert recorded_training(tmp_path, list(ROWS.values())) == (TRAIN, None)

@@ -94,15 +94,16 @@ def deformation_run(row: Ablation) -> str:
 def recorded_training(folder: Path, rows: Sequence[Ablation]) -> tuple[TrainConfig, str | None]:
     """The settings and `source_split` by which the rows below a category's folder were trained.
 
-    Rows that are not there do not count.
+    Rows that are not there, or not trained to the end, do not count.
 
     Raises:
         ConfigError: they were trained by different ones, and so say nothing about their parts; or none is there.
         CheckpointError: a record is damaged.
     """
-    found = {row.name: record for row in rows if (record := _read_record(folder / row.name)) is not None}
+    records = {row.name: _read_record(folder / row.name) or {} for row in rows}
+    found = {name: record for name, record in records.items() if record.get("finished") is True}
     if not found:
-        raise ConfigError(f"{folder} holds no rows; train some, or copy them there.")
+        raise ConfigError(f"{folder} holds no finished row; train some, or copy them there.")
     first, *others = found
     for name in others:
         one, other = ({**found[row]["training"], "source_split": found[row]["source_split"]} for row in (first, name))
