@@ -98,7 +98,9 @@ def test_ablation_trains_keeps_and_prints(pack: Path, tmp_path: Path, capsys: py
     assert main([*line[:6], "--runs", str(tmp_path / "runs"), "--steps", "2", "--preset", "kp-red-plus"]) == FAILED
     assert "was trained by other settings or data" in capsys.readouterr().err
     taken = [*line[:6], "--preset", "kp-red-plus", "--top-k", "2", "--device", "cpu", "--as-trained"]
-    assert main([*taken, "--finished", "--json"]) == OK
+    assert main([*taken, "--finished"]) == FAILED
+    assert "rows a and f were trained differently" in capsys.readouterr().err
+    assert main([*taken, "--finished", "--rows", "f", "--json"]) == OK
     assert json.loads(capsys.readouterr().out)["header"]["training"] == report["header"]["training"]
     assert main([*taken, "--steps", "1"]) == USAGE
     assert "leave out --steps" in capsys.readouterr().err

@@ -127,8 +127,8 @@ class AblationCommand(PackTableCommand):
                 f"{self.runs} keeps what was trained and measured; the same command goes on from it, and with "
                 "--finished prints what there is"
             ) from error
-        same = all(one == training.to_dict() for one in trained.values())
-        table.header["training"] = training.to_dict() if same else trained
+        first, *others = trained.values()
+        table.header["training"] = trained if any(other != first for other in others) else first
         self.finish(output, table, time.perf_counter() - began, self.show)
 
     def show(self, output: Output, table: Table) -> None:
