@@ -7,6 +7,7 @@
 The names below are loaded when first used, so that ``import kpred`` itself costs nothing.
 """
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
     from kpred.shapes import read_mesh, read_scan, write_mesh
 
 __version__ = "0.1.0"
+
+# torch's OpenMP threads wait busily for milliseconds after each loop and keep compiled kernels of this package off the
+# processor. Read when torch is loaded; who has said how threads wait is not overruled.
+if "OMP_WAIT_POLICY" not in os.environ:
+    os.environ.setdefault("GOMP_SPINCOUNT", "10000")
 
 __all__ = [
     "Database",

@@ -108,7 +108,9 @@ def test_the_category_is_found_and_refinement_lowers_the_error(category: str) ->
         right += fit.category == category
         best = fit.source
         assert best.refined_error is not None
-        errors = [candidate.final_error for candidate in fit.candidates]
+        errors = [found.refined_error for found in fit.candidates if found.refined_error is not None]
+        hopeless = [found.error for found in fit.candidates[len(errors) :]]
+        assert len(errors) + len(hopeless) == 10 and hopeless == sorted(hopeless)
         if fit.partial:
             assert best.refined_error in sorted(errors)[:6], "the choice is among the candidates of lowest error"
         else:

@@ -1,5 +1,7 @@
 """Points of a model are carried by the faces of its mesh that they lie on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,6 +11,7 @@ import kpred
 from kpred.errors import DatabaseError
 from kpred.fitting import bundled_database_path
 from kpred.fitting.surface_points import closest_faces, surface_points
+from kpred.ops.lattice import lattice_weights
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +39,25 @@ def test_a_models_points_lie_on_its_mesh_and_move_with_it(database: kpred.Databa
     name = database.model_ids("chair")[0]
     points = torch.from_numpy(database.candidates("chair", [name]).points[0])
     surface = surface_points(database, name, points)
-    assert torch.allclose(surface.carried(surface.vertices), points, atol=2e-4)
-    turned = surface.vertices @ torch.linalg.qr(torch.rand(3, 3, generator=torch.Generator().manual_seed(0)))[0]
-    few = surface.carried(turned, 4)
-    assert few.shape == (512, 3)
-    assert torch.allclose(few.norm(dim=1), points[::4].norm(dim=1), atol=3e-4)
+    assert surface.corners is not None and surface.shares is not None
+    place = (surface.vertices[surface.corners] * surface.shares[..., None]).sum(1)
+    assert torch.allclose(place, points, atol=2e-4)
     assert surface_points(database, name, points) is surface
+
+
+def test_a_lattice_carries_points_as_it_does_the_corners_of_their_faces(database: kpred.Database) -> None:
+    name = database.model_ids("table")[1]
+    points = torch.from_numpy(database.candidates("table", [name]).points[0])
+    surface = surface_points(database, name, points)
+    assert surface.corners is not None and surface.shares is not None
+    half = torch.maximum(surface.vertices.abs().amax(0), points.abs().amax(0))
+    columns = surface.lattice_columns(points, half)
+    at_vertices = lattice_weights(surface.vertices, -half, half)
+    expected = (surface.shares[..., None] * at_vertices[surface.corners]).sum(1)
+    assert torch.allclose(columns, expected, atol=1e-5)
+    assert torch.allclose(columns.sum(1), torch.ones(len(points)), atol=1e-4)
+    free = replace(surface, corners=None, shares=None)
+    assert torch.equal(free.lattice_columns(points, half), lattice_weights(points, -half, half))
 
 
 def test_points_of_a_model_that_is_not_there(database: kpred.Database) -> None:

@@ -6,14 +6,14 @@ from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from kpred.database.rows import FittingArrays
 from kpred.errors import DatabaseError
 
-_CACHED_MODELS = 4096
-"""Models whose points and basis are kept in memory: about 120 kB each."""
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,29 +29,30 @@ class Candidates:
     """(M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints)"""
 
 
-class ArrayCache:
-    """Arrays of the models that were read last; threads may share it."""
+class ModelCache(Generic[Value]):
+    """What was read last of models, at most `most` of them; threads may share it."""
 
-    def __init__(self) -> None:
-        self._arrays: OrderedDict[str, FittingArrays] = OrderedDict()
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._kept: OrderedDict[str, Value] = OrderedDict()
         self._lock = Lock()
 
-    def get(self, model_ids: Iterable[str]) -> dict[str, FittingArrays]:
+    def get(self, model_ids: Iterable[str]) -> dict[str, Value]:
         """Those of the models that are there."""
         with self._lock:
-            return {name: self._arrays[name] for name in model_ids if name in self._arrays}
+            return {name: self._kept[name] for name in model_ids if name in self._kept}
 
-    def put(self, found: Mapping[str, FittingArrays]) -> None:
+    def put(self, found: Mapping[str, Value]) -> None:
         """Keep these; the oldest go."""
         with self._lock:
-            self._arrays.update(found)
-            while len(self._arrays) > _CACHED_MODELS:
-                self._arrays.popitem(last=False)
+            self._kept.update(found)
+            while len(self._kept) > self._most:
+                self._kept.popitem(last=False)
 
     def clear(self) -> None:
         """Forget all."""
         with self._lock:
-            self._arrays.clear()
+            self._kept.clear()
 
 
 def stacked(category: str, model_ids: Sequence[str], found: Mapping[str, FittingArrays], where: str) -> Candidates:

@@ -14,7 +14,7 @@ import numpy as np
 from sqlalchemy import Connection, delete, func, select
 
 from kpred import __version__
-from kpred.database.candidates import ArrayCache, Candidates, stacked
+from kpred.database.candidates import Candidates, ModelCache, stacked
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
 from kpred.database.home import Home, Progress
@@ -38,6 +38,12 @@ from kpred.nn import KPRed
 _ATTEMPTS = 4
 """How often work is done again when the server goes away in the middle of it."""
 
+_CACHED_ARRAYS, _CACHED_ENTRIES = 4096, 128
+"""Models whose points and basis, and whose meshes too, are kept in memory: 120 kB and a few hundred kB each."""
+
+_CACHED_VERTICES = 16_384
+"""Larger meshes are read again each time."""
+
 Value = TypeVar("Value")
 
 
@@ -58,7 +64,8 @@ class Database:
         self._lock = RLock()
         self._version: object = None
         self._indices: dict[str, Index] = {}
-        self._arrays = ArrayCache()
+        self._arrays: ModelCache[FittingArrays] = ModelCache(_CACHED_ARRAYS)
+        self._entries: ModelCache[Entry] = ModelCache(_CACHED_ENTRIES)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
@@ -322,6 +329,7 @@ class Database:
         with self._lock:
             self._indices.clear()
             self._arrays.clear()
+            self._entries.clear()
 
     def _index(self, category: str, progress: Progress | None = None) -> Index:
         with self._transaction() as connection:
@@ -337,8 +345,14 @@ class Database:
             return index
 
     def _read_entry(self, model_id: str) -> Entry | None:
-        with self._transaction() as connection:
-            return read_entry(connection, model_id)
+        with self._transaction() as connection:  # which forgets what is out of date
+            version = self._version
+            entry = self._entries.get([model_id]).get(model_id)
+            if entry is None:
+                entry = read_entry(connection, model_id)
+                if entry is not None and len(entry.mesh.vertices) <= _CACHED_VERTICES and version == self._version:
+                    self._entries.put({model_id: entry})
+            return entry
 
     def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
         version = self._version

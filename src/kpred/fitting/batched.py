@@ -105,15 +105,16 @@ class ScanBatch:
         """With refined keypoints, in the box as it is: a few quick steps of all, all steps of each scan's finalists."""
         finalists = config.most_finalists(self.partial)
         if self.rows.shape[1] <= finalists:
-            return replace(self, displacement=self._refined(config, self.displacement))
-        quick = replace(config, iterations=3, points=config.points // 2)
-        started = replace(self, displacement=self._refined(quick, self.displacement))
-        ahead = started.errors(most=512).argsort(dim=1)[:, :finalists]
-        last = started.take(ahead)
-        found = last._refined(config, self.take(ahead).displacement)
+            found = self._refined(config, self.displacement).displacement
+            return replace(self, displacement=found.view_as(self.displacement))
+        quick = self._refined(config.quick(), self.displacement)
+        assert quick.error is not None
+        started = replace(self, displacement=quick.displacement.view_as(self.displacement))
+        ahead = quick.error.view_as(self.distances).argsort(dim=1, stable=True)[:, :finalists]
+        found = started.take(ahead)._refined(config, self.take(ahead).displacement).displacement
         scan = torch.arange(len(ahead), device=ahead.device)[:, None]
         displacement = started.displacement.clone()
-        displacement[scan, ahead] = found
+        displacement[scan, ahead] = found.unflatten(0, ahead.shape)
         return replace(self, displacement=displacement, finalists=ahead)
 
     def take(self, columns: Int[Tensor, "scans few"]) -> ScanBatch:
@@ -129,9 +130,10 @@ class ScanBatch:
             finalists=None,
         )
 
-    def _refined(self, config: RefineConfig, network: Tensor) -> Tensor:
+    def _refined(self, config: RefineConfig, network: Tensor) -> Refined:
+        """Of all scans' models, one after the other."""
         models = self.rows.shape[1]
-        found = refine_candidates(
+        return refine_candidates(
             self.points.flatten(0, 1),
             self.basis.flatten(0, 1),
             Refined.in_fixed_box(self.displacement.flatten(0, 1)),
@@ -141,4 +143,3 @@ class ScanBatch:
             self.partial,
             network.flatten(0, 1),
         )
-        return found.displacement.unflatten(0, (-1, models))

@@ -16,20 +16,22 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
+from kpred.fitting.cage_cpu import match, newton
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.choice import order
-from kpred.fitting.refine import unseen_share
+from kpred.fitting.refine import ASKED_IN_TURN, unseen_share
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.surface_points import SurfacePoints, surface_points
 from kpred.fitting.warp import Warp
-from kpred.ops.lattice import SIZE, lattice_asymmetry, lattice_stiffness, lattice_weights
+from kpred.ops.lattice import SIZE, lattice_asymmetry, lattice_stiffness
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
+from kpred.ops.weighted_sums import LEAST_SCALE, add_wanted
 
 HELD = 5e-8
 """Weight of a control point's displacement, so that those far from any surface have one."""
 
-FACTORED = (0, 2)
+FACTORED = (0,)
 """Rounds in which the normal matrix is made anew: between them matches change little, and the gradient is exact."""
 
 
@@ -51,102 +53,77 @@ def with_cages(
         rows = order(candidates, errors + candidates.free_space_errors())[:1]
     else:
         rows = errors.argsort(stable=True)[: config.cage_finalists].tolist()
+    index = torch.tensor(rows)
+    chosen = candidates.take(index)
+    cages = [
+        _Cage(points, surface_points(database, model_id, points))
+        for points, model_id in zip(chosen.points, chosen.model_ids, strict=True)
+    ]
     moved, errors = candidates.deformed(), errors.clone()
+    displacement = _fitted(cages, moved[index], candidates.target, candidates.partial, config)
     warps: list[Warp | None] = [None] * len(moved)
     result = moved.clone()
-    for row in rows:
-        surface = surface_points(database, candidates.model_ids[row], candidates.points[row])
-        cage = _Cage(candidates.points[row], surface, moved[row], candidates.target, candidates.partial, config)
-        warps[row] = cage.fitted()
-        result[row] = cage.points()
+    for row, cage, found in zip(rows, cages, displacement, strict=True):
+        warps[row] = Warp(cage.half, found)
+        result[row] = cage.points(found)
     caged = replace(candidates, warps=tuple(warps), warped=result)
-    index = torch.tensor(rows)
     errors[index] = caged.take(index).errors()
     return caged, errors
 
 
 class _Cage:
-    """The lattice of one candidate; all in the unit box.
-
-    `source` (N, 3), `moved` (N, 3) where the keypoints put it, `target` (M, 3).
+    """The lattice around one source, `source` (N, 3) in its unit box; `columns` (N, L) is what each control point does
+    to each of the source's points, as the faces carry them.
     """
 
-    def __init__(
-        self,
-        source: Tensor,
-        surface: SurfacePoints,
-        moved: Tensor,
-        target: Tensor,
-        partial: bool,
-        config: RefineConfig,
-    ) -> None:
-        self.source, self.surface, self.config, self.partial = source, surface, config, partial
+    def __init__(self, source: Tensor, surface: SurfacePoints) -> None:
+        self.source = source
         self.half = torch.maximum(surface.vertices.abs().amax(0), source.abs().amax(0))
-        self.at_vertices = None if surface.corners is None else lattice_weights(surface.vertices, -self.half, self.half)
-        step = max(1, len(source) // config.points)
-        self.few = source[::step]
-        self.columns = self._columns(step)
-        self.goal = target[:: max(1, len(target) // config.points)][None].contiguous()
-        self.start = moved[::step]
-        # Only the matches of the first round are those of the keypoints' result.
-        self.displacement = source.new_zeros(SIZE**3, 3)
+        self.columns = surface.lattice_columns(source, self.half)
 
-    def _columns(self, step: int) -> Tensor:
-        if self.at_vertices is None:
-            return lattice_weights(self.source[::step], -self.half, self.half)
-        return self.surface.carried(self.at_vertices, step)
-
-    def points(self) -> Float[Tensor, "points 3"]:
+    def points(self, displacement: Float[Tensor, "controls 3"]) -> Float[Tensor, "points 3"]:
         """All points of the source, moved."""
-        if self.at_vertices is None:
-            return self.source + self._columns(1) @ self.displacement
-        return self.source + self.surface.carried(self.at_vertices @ self.displacement)
+        return self.source + self.columns @ displacement
 
-    def fitted(self) -> Warp:
-        """Least squares and matches in turn."""
-        stiff = _stiffness(self.config.cage_smoothness, self.config.cage_symmetry)
-        held = self._unseen()
-        moved, factor = self.start, torch.empty(0)
-        across = self.columns.T.contiguous()
-        for step in range(self.config.cage_iterations):
-            weight, wanted = self._matches(moved[None])
-            weight, wanted = weight + held, wanted + held[:, None] * self.start
-            if step in FACTORED:
-                normal = across @ (self.columns * weight[:, None])
-                factor = torch.linalg.cholesky(normal.double() + stiff)
-            # Newton's step with a matrix that may be a round old.
-            now = moved if step else self.few
-            pull = ((wanted - weight[:, None] * now).T @ self.columns).double()[..., None]
-            pull = pull - stiff @ self.displacement.double().T[..., None]
-            found = torch.cholesky_solve(pull, factor)[..., 0].T
-            self.displacement = self.displacement + found.to(self.displacement.dtype)
-            moved = self.few + (self.displacement.T @ across).T
-        return Warp(self.half, self.displacement)
 
-    def _matches(self, moved: Tensor) -> tuple[Tensor, Tensor]:
-        """Weight (N,) of what is wanted of each point, and the sum (N, 3) of where, by weight."""
-        squared, index = nearest_neighbours(self.goal, moved)
-        share = self._robust(squared[0]) / len(squared[0])
-        weight = torch.zeros_like(moved[0, :, 0]).scatter_add_(0, index[0], share)
-        wanted = torch.zeros_like(moved[0]).index_add_(0, index[0], self.goal[0] * share[:, None])
-        if self.partial:
-            return weight, wanted
-        squared, index = nearest_neighbours(moved, self.goal)
-        share = self._robust(squared[0]) / len(squared[0])
-        return weight + share, wanted + self.goal[0, index[0]] * share[:, None]
+def _fitted(
+    cages: list[_Cage],
+    start: Float[Tensor, "cages points 3"],
+    target: Float[Tensor, "target 3"],
+    partial: bool,
+    config: RefineConfig,
+) -> Float[Tensor, "cages controls 3"]:
+    """Displacements of the control points by least squares and matches in turn; `start` is the keypoints' result."""
+    step = max(1, start.shape[1] // config.points)
+    few = torch.stack([cage.source[::step] for cage in cages])
+    columns = torch.stack([cage.columns[::step] for cage in cages])
+    across = columns.transpose(1, 2).contiguous()
+    goal = target[:: max(1, len(target) // config.points)].contiguous()
+    stiff = _stiffness(config.cage_smoothness, config.cage_symmetry)
+    # Only the matches of the first round are those of the keypoints' result.
+    displacement = few.new_zeros(len(cages), SIZE**3, 3)
+    start = start[:, ::step].contiguous()
+    moved, factor = start, torch.empty(0)
+    held = _unseen(start, goal, config.unseen) if partial else None
+    for turn in range(config.cage_iterations):
+        asked = turn % ASKED_IN_TURN, ASKED_IN_TURN, config.cage_robust**2, LEAST_SCALE
+        wanted = torch.from_numpy(match(moved.numpy(), goal.numpy(), *asked, partial))
+        if held is not None:
+            add_wanted(wanted, start, held)
+        if turn in FACTORED:
+            normal = (across * wanted[:, None, :, 3]) @ columns
+            factor = torch.linalg.cholesky(normal.double()[:, None] + stiff)
+        # Newton's step with a matrix that may be a round old.
+        now = moved if turn else few
+        arrays = (across, few, now, wanted, stiff, factor.contiguous(), displacement)
+        moved = torch.from_numpy(newton(*(array.numpy() for array in arrays)))
+    return displacement
 
-    def _robust(self, squared: Tensor) -> Tensor:
-        if self.config.cage_robust <= 0:
-            return torch.ones_like(squared)
-        scale = squared.median() * self.config.cage_robust**2 + 1e-4
-        return (scale / (scale + squared)).square()
 
-    def _unseen(self) -> Tensor:
-        """Weight (N,) with which points stay where the keypoints put them: they are not seen."""
-        if not self.partial:
-            return torch.zeros_like(self.few[:, 0])
-        squared, _ = nearest_neighbours(self.start[None], self.goal)
-        return self.config.unseen * unseen_share(squared[0]) / len(squared[0])
+def _unseen(start: Tensor, goal: Tensor, weight: float) -> Float[Tensor, "cages points"]:
+    """Weights with which points stay where the keypoints put them: they are not seen."""
+    squared, _ = nearest_neighbours(start, goal.expand(len(start), -1, -1))
+    return weight * unseen_share(squared) / squared.shape[1]
 
 
 @lru_cache(maxsize=8)

@@ -33,6 +33,7 @@ class Candidates:
         scale, shift: (C, 3) of the candidates' boxes; the box stays as it is (1 and 0) where none are given.
         warps: of the candidates that a cage was refined of, in place of displacement, scale and shift; None for others.
         warped: (C, N, 3) the results of all, if there are warps.
+        stopped: (C,) bool, of those that refinement gave up as hopeless, if it was asked to refine more than a few.
     """
 
     model_ids: tuple[str, ...]
@@ -50,6 +51,7 @@ class Candidates:
     shift: Tensor | None = None
     warps: tuple[Warp | None, ...] | None = None
     warped: Tensor | None = None
+    stopped: Tensor | None = None
 
     def deformed(self) -> Tensor:
         """S + B d, in its own box: scale * (S + B d) + shift, or as its cage warps it, (C, N, 3)."""
@@ -61,7 +63,15 @@ class Candidates:
         return moved if self.shift is None else moved + self.shift[:, None]
 
     def errors(self, most: int | None = None) -> Tensor:
-        """(C,) CD or, for partial scans, UCD; unit box squared. `most` bounds the points used of each cloud."""
+        """(C,) CD or, for partial scans, UCD; unit box squared; infinite for those that were stopped.
+
+        `most` bounds the points used of each cloud.
+        """
+        if self.stopped is not None:
+            going = (~self.stopped).nonzero()[:, 0]
+            errors = torch.full((len(self.model_ids),), torch.inf)
+            errors[going] = replace(self.take(going), stopped=None).errors(most)
+            return errors
         result, goal = self.deformed(), self.target
         if most is not None:
             result = result[:, :: max(1, result.shape[1] // most)]
@@ -73,19 +83,22 @@ class Candidates:
     def refined(self, config: RefineConfig, rows: Tensor | None = None) -> Candidates:
         """The same candidates, or those of `rows`, with refined keypoints.
 
-        All take a few quick steps on half of the points; those that are then far behind the best stop there.
+        All take a few quick steps on some of the points; those that are then far behind the best stop there.
         """
-        kept = self if rows is None else self.take(rows)
+        kept = replace(self if rows is None else self.take(rows), stopped=None)
         hints = kept._hints(config)
-        if len(kept.model_ids) <= config.finalists:
+        finalists = config.most_finalists(self.partial)
+        if len(kept.model_ids) <= finalists:
             return kept._moved(kept._refine(config, hints))
-        quick = kept._refine(replace(config, iterations=3, points=config.points // 2), replace(hints, pictures=()))
-        started = kept._moved(quick)
-        ahead = started.errors(most=512).argsort()[: config.finalists]
-        final = started.take(ahead)._refine(config, hints, kept.displacement[ahead])
+        quick = kept._refine(config.quick(), replace(hints, pictures=()))
+        assert quick.error is not None
+        ahead = quick.error.argsort(stable=True)[:finalists]
+        final = kept._moved(quick).take(ahead)._refine(config, hints, kept.displacement[ahead])
         displacement, scale, shift = quick.displacement.clone(), quick.scale.clone(), quick.shift.clone()
         displacement[ahead], scale[ahead], shift[ahead] = final.displacement, final.scale, final.shift
-        return kept._moved(Refined(displacement, scale, shift))
+        stopped = torch.ones(len(kept.model_ids), dtype=torch.bool)
+        stopped[ahead] = False
+        return replace(kept._moved(Refined(displacement, scale, shift)), stopped=stopped)
 
     def free_space_errors(self) -> Tensor:
         """(C,) what speaks against each for filling space that the sensors looked through; unit box squared."""
@@ -143,6 +156,7 @@ class Candidates:
             shift=None if self.shift is None else self.shift[rows],
             warps=None if self.warps is None else tuple(self.warps[row] for row in chosen),
             warped=None if self.warped is None else self.warped[rows],
+            stopped=None if self.stopped is None else self.stopped[rows],
         )
 
 

@@ -38,6 +38,9 @@ MOST_POINTS = 50_000
 SAMPLING_NOISE = 0.05
 """Errors that differ by no more than this share are equal: another sample of the same surfaces would change as much."""
 
+HOPELESS = 1e3
+"""Above all errors, unit box squared."""
+
 MOST_READINGS = 5
 ODDS_RANGE = 5.0
 """So many readings of a scan are tried, unless their log-odds are this much below the best."""
@@ -161,7 +164,12 @@ def fit(
                 refined, refined_errors = with_cages(refined, refined_errors, store, refinement)
         chosen = replace(chosen, candidates=refined)
     with clock("choose"):
-        errors = feed_forward if refined_errors is None else refined_errors
+        # Those that refinement gave up come last, the least bad first.
+        errors = (
+            feed_forward
+            if refined_errors is None
+            else torch.where(refined_errors.isinf(), HOPELESS + feed_forward, refined_errors)
+        )
         order = _order(chosen, errors + chosen.candidates.free_space_errors())
     with clock("mesh"):
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
@@ -260,7 +268,7 @@ def _candidates(
             category=found.category,
             distance=float(found.distances[row]),
             error=float(feed_forward[row]),
-            refined_error=None if refined is None else float(refined[row]),
+            refined_error=None if refined is None or refined[row].isinf() else float(refined[row]),
             displacement=found.displacement[row].numpy(),
         )
         for row in order
@@ -283,8 +291,8 @@ def _meshes(
     moved = chosen.candidates.result_of(row, vertices, entry.vertex_basis.astype(np.float64))
     place = chosen.frame.from_unit
     return (
-        trimesh.Trimesh(place(moved), entry.mesh.faces, process=False),
-        trimesh.Trimesh(place(vertices), entry.mesh.faces, process=False),
+        trimesh.Trimesh(place(moved), entry.mesh.faces.copy(), process=False),
+        trimesh.Trimesh(place(vertices), entry.mesh.faces.copy(), process=False),
     )
 
 

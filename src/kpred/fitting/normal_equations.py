@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from kpred.ops.typing import Float, Int
+from kpred.ops.weighted_sums import add_wanted, weighted_products
 
 LEAST_STRETCH, MOST_STRETCH = -0.5, 1.0
 """Range of scale - 1: a box does not turn inside out."""
@@ -34,28 +35,44 @@ class NormalEquations:
         self, columns: Float[Tensor, "candidates points columns"], guess: Float[Tensor, "candidates points 3"]
     ) -> None:
         self.columns, self.guess = columns, guess
-        self.normal = columns.new_zeros(len(columns), columns.shape[2], columns.shape[2])
-        self.right = columns.new_zeros(len(columns), columns.shape[2], 3)
+        self.across = columns.transpose(1, 2).contiguous()
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing is wanted any more; columns and guess stay."""
+        self._wanted = self.guess.new_zeros(*self.guess.shape[:2], 4)
+        self._products: Tensor | None = None
 
     def add(self, wanted: Float[Tensor, "candidates points 3"], weight: Float[Tensor, "candidates points"]) -> None:
         """Each point should be where it is wanted."""
-        self._add(self.columns, wanted - self.guess, weight)
+        add_wanted(self._wanted, wanted, weight)
+        self._products = None
 
     def add_at(
         self,
         index: Int[Tensor, "candidates wanted"],
-        wanted: Float[Tensor, "candidates wanted 3"],
+        wanted: Float[Tensor, "candidates places 3"],
         weight: Float[Tensor, "candidates wanted"],
+        picked: Int[Tensor, "candidates wanted"] | None = None,
     ) -> None:
-        """The points of these indices should be where they are wanted."""
-        index = index[..., None]
-        rows = torch.gather(self.columns, 1, index.expand(-1, -1, self.columns.shape[2]))
-        self._add(rows, wanted - torch.gather(self.guess, 1, index.expand(-1, -1, 3)), weight)
+        """The points of these indices should be where they are wanted: at all places, or at the picked ones of them."""
+        add_wanted(self._wanted, wanted, weight, index, picked)
+        self._products = None
 
-    def _add(self, rows: Tensor, residual: Tensor, weight: Tensor) -> None:
-        weighted = (rows * weight[..., None]).transpose(1, 2)
-        self.normal = self.normal + weighted @ rows
-        self.right = self.right + weighted @ residual
+    @property
+    def normal(self) -> Float[Tensor, "candidates columns columns"]:
+        """Left side of the equations, without priors."""
+        return self._all()[..., :-3]
+
+    @property
+    def right(self) -> Float[Tensor, "candidates columns 3"]:
+        """Right side, one column for each of x, y and z."""
+        return self._all()[..., -3:]
+
+    def _all(self) -> Tensor:
+        if self._products is None:
+            self._products = weighted_products(self.across, self.guess, self._wanted)
+        return self._products
 
     def level(self, keypoints: int) -> Float[Tensor, " candidates"]:
         """Mean diagonal of the keypoints' matrix."""

@@ -21,6 +21,12 @@ from kpred.fitting.refine_config import RefineConfig as RefineConfig
 from kpred.fitting.reflection import Reflection
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
+from kpred.ops.weighted_sums import LEAST_SCALE, geman_mcclure, robust_scale, robust_weights
+
+try:
+    from kpred.fitting.refine_cpu import refine_compiled
+except ImportError:  # numba is absent on machines that only train
+    refine_compiled = None  # type: ignore[assignment]
 
 UNSEEN_DISTANCE = 0.2
 """A point of the source counts half as unseen at this distance from the scan (unit box)."""
@@ -30,6 +36,11 @@ STRAY_REFLECTION = 8.0
 
 STRAY_DEPTH = 0.5
 """Surface that is farther from what the sensor saw counts less and less: it belongs elsewhere (unit box)."""
+
+ASKED_IN_TURN = 2
+"""Every round asks for the nearest neighbours of so many-th of the points of each side, the next of the next: they are
+searched among all of the other side. The result is as good as if all were asked, in half of the time.
+"""
 
 FREE_SPACE_POINTS = 256
 """Points of each source that are looked up in the sensors' pictures, in each round."""
@@ -41,11 +52,14 @@ class Refined:
 
     Attributes:
         displacement: (C, K, 3) of the source's keypoints; scale: (C, 3), shift: (C, 3) of the box; unit box.
+        error: (C,) mean squared distance of those points that were matched in the last round, before it moved them;
+            both ways for full scans.
     """
 
     displacement: Tensor
     scale: Tensor
     shift: Tensor
+    error: Tensor | None = None
 
     @classmethod
     def in_fixed_box(cls, displacement: Float[Tensor, "candidates keypoints 3"]) -> Refined:
@@ -113,7 +127,8 @@ def refine_candidates(
     source_step = max(1, points.shape[1] // config.points)
     target_step = max(1, target.shape[-2] // config.points)
     few_basis = basis[:, ::source_step].contiguous()
-    goal = target[..., ::target_step, :].expand(len(points), -1, -1).contiguous()
+    # One target for all is a view, which the nearest neighbours' search sorts once.
+    goal = target[..., ::target_step, :].expand(len(points), -1, -1)
     network = start.displacement if network_displacement is None else network_displacement
     # Corrections to the network's result are unknown: every prior is centred on none.
     guess = points[:, ::source_step] + few_basis @ network
@@ -122,33 +137,68 @@ def refine_candidates(
     unseen = config.unseen * _unseen_normal(few_basis, guess, goal) if partial and config.unseen > 0 else None
     pictures = hints.pictures if hints is not None and partial and config.free_space > 0 else ()
     mirrored = hints.reflection if hints is not None and partial and config.reflection > 0 else None
-    searched = goal if mirrored is None else torch.cat([goal, mirrored.points.expand(len(goal), -1, -1)], dim=1)
-    count, found = goal.shape[1], start
+    if refine_compiled is not None and not pictures and _is_plain(guess, start, config):
+        held = guess.new_zeros(len(guess), *2 * few_basis.shape[2:]) if unseen is None else unseen
+        correction = (start.displacement - network).contiguous()
+        images = goal.new_zeros(0, 3) if mirrored is None else mirrored.points
+        likely = images[:, 0] if mirrored is None else config.reflection / len(images) * mirrored.weight
+        shared = goal[:1] if goal.stride(0) == 0 else goal
+        arrays = (few_basis.transpose(1, 2), guess, shared, images, likely, held, hold.expand(len(guess), -1))
+        robust = (config.robust**2, STRAY_REFLECTION**2, LEAST_SCALE)
+        last = refine_compiled(
+            *(array.contiguous().numpy() for array in (*arrays, correction)),
+            rounds=config.iterations,
+            asked_in_turn=ASKED_IN_TURN,
+            robust=robust,
+            prior=config.prior,
+            partial=partial,
+        )
+        return replace(Refined.in_fixed_box(network + correction), error=torch.from_numpy(last))
+    rows = torch.arange(guess.shape[1], device=guess.device).expand(len(guess), -1)
+    found = start
     empty: list[tuple[Tensor, Tensor, Tensor]] = []
+    equations = NormalEquations(columns, guess)
+    across = equations.across[:, : basis.shape[2]]
     for step in range(config.iterations):
-        moved = guess + few_basis @ (found.displacement - network)
+        # So much faster than the basis times the displacement.
+        moved = guess + ((found.displacement - network).transpose(1, 2) @ across).transpose(1, 2)
         moved = found.scale[:, None] * moved + found.shift[:, None]
+        turn = step % ASKED_IN_TURN
+        asked = goal[:, turn::ASKED_IN_TURN]
+        searched = asked if mirrored is None else torch.cat([asked, mirrored.points.expand(len(goal), -1, -1)], dim=1)
+        count = asked.shape[1]
         squared, index = nearest_neighbours(searched, moved)
-        weight = _trimmed(squared[:, :count], config.trim) * _robust_weight(squared[:, :count], config.robust) / count
+        weight = robust_weights(squared[:, :count], config.robust) / count
+        if config.trim > 0:
+            weight = weight * _trimmed(squared[:, :count], config.trim)
         if mirrored is not None:
             likely = config.reflection * mirrored.weight / len(mirrored.weight)
-            likely = likely * _weight_at(squared[:, count:], _scale(squared[:, :count], STRAY_REFLECTION))
+            likely = likely * geman_mcclure(squared[:, count:], robust_scale(squared[:, :count], STRAY_REFLECTION))
             weight = torch.cat([weight, likely], dim=1)
-        equations = NormalEquations(columns, guess)
+        error = squared[:, :count].mean(1)
+        equations.clear()
         # Surface hardly moves between two rounds, and the pictures cost as much as the neighbours do.
         if step % 2 == 0:
             empty = [_out_of_free_space(moved, goal, picture, config.free_space) for picture in pictures]
-        pairs = [(index, searched, weight), *empty]
-        equations.add_at(*(torch.cat(parts, dim=1) for parts in zip(*pairs, strict=True)))
+        for pairs in ((index, searched, weight), *empty):
+            equations.add_at(*pairs)
         if not partial:
-            squared, index = nearest_neighbours(moved, goal)
-            weight = _robust_weight(squared, config.robust) / moved.shape[1]
-            equations.add(_rows(goal, index), weight)
+            asking = rows[:, turn::ASKED_IN_TURN]
+            squared, index = nearest_neighbours(moved[:, turn::ASKED_IN_TURN], goal)
+            error = error + squared.mean(1)
+            weight = robust_weights(squared, config.robust) / asking.shape[1]
+            equations.add_at(asking, goal, weight, index)
         held = torch.diag_embed(config.prior * equations.level(basis.shape[2])[:, None] * hold)
         held = held if unseen is None else held + unseen
         correction, scale, shift = equations.solve(held, config.box, config.box_prior)
-        found = Refined(network + correction, scale, shift)
+        found = Refined(network + correction, scale, shift, error)
     return found
+
+
+def _is_plain(guess: Tensor, start: Refined, config: RefineConfig) -> bool:
+    """Whether compiled rounds can do it."""
+    single = guess.device.type == "cpu" and guess.dtype == start.displacement.dtype == torch.float32
+    return single and config.box == "fixed" and config.trim <= 0 and bool((start.scale == 1).all())
 
 
 def _unseen_normal(basis: Tensor, guess: Tensor, goal: Tensor) -> Tensor:
@@ -183,31 +233,12 @@ def _out_of_free_space(
     squared, index = nearest_neighbours(few[violating][None], goal[:1])
     wanted, weight = few.clone(), torch.zeros_like(few[..., 0])
     wanted[violating] = goal[0, index[0]]
-    weight[violating] = most * _weight_at(squared[0], torch.full_like(squared[0], STRAY_DEPTH**2)) / few.shape[1]
+    weight[violating] = most * geman_mcclure(squared[0], torch.full_like(squared[0], STRAY_DEPTH**2)) / few.shape[1]
     rows = torch.arange(0, moved.shape[1], step, device=moved.device).expand(len(moved), -1)
     return rows, wanted, weight
 
 
-def _rows(values: Tensor, index: Tensor) -> Tensor:
-    return torch.gather(values, 1, index[..., None].expand(-1, -1, values.shape[-1]))
-
-
 def _trimmed(squared: Tensor, share: float) -> Tensor:
     """1 for all but this share of the points of each candidate, those with the largest distances."""
-    if share <= 0:
-        return torch.ones_like(squared)
     most = squared.quantile(1.0 - share, dim=1, keepdim=True)
     return (squared <= most).to(squared.dtype)
-
-
-def _robust_weight(squared: Tensor, robust: float) -> Tensor:
-    """Geman-McClure weights with a scale from the median distance, so that clean full scans are hardly touched."""
-    return torch.ones_like(squared) if robust <= 0 else _weight_at(squared, _scale(squared, robust))
-
-
-def _scale(squared: Tensor, times: float) -> Tensor:
-    return squared.median(dim=1, keepdim=True).values * times**2 + 1e-4
-
-
-def _weight_at(squared: Tensor, scale: Tensor) -> Tensor:
-    return (scale / (scale + squared)).square()

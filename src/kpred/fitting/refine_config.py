@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from kpred.errors import ConfigError
@@ -27,7 +27,8 @@ class RefineConfig:
             more than 2 % of outliers do.
         box: what is refined of the candidate's box: nothing, its place and size, or its place and each axis' size.
         box_prior: weight of the pull of the box's shift and of its scale, less 1, toward 0.
-        finalists: candidates that are refined to the end; the others stop after a few quick rounds.
+        finalists: candidates of a full scan that are refined to the end; the others stop after a few quick rounds.
+            Those of a partial scan are compared with one another, and are half as many again.
         cage: which scans' results are refined by a cage after the keypoints (`kpred.fitting.cage_refinement`).
         cage_finalists: candidates of a full scan that get a cage; of a partial scan one does.
         cage_iterations: rounds of nearest neighbours and least squares of a cage.
@@ -45,13 +46,21 @@ class RefineConfig:
     trim: float = 0.0
     box: Literal["fixed", "similarity", "per_axis"] = "fixed"
     box_prior: float = 0.03
-    finalists: int = 5
+    finalists: int = 4
     cage: Literal["always", "full", "never"] = "always"
     cage_finalists: int = 2
-    cage_iterations: int = 6
+    cage_iterations: int = 8
     cage_smoothness: float = 1e-6
     cage_symmetry: float = 1e-4
     cage_robust: float = 20.0
+
+    def most_finalists(self, partial: bool) -> int:
+        """How many candidates of such a scan are refined to the end."""
+        return self.finalists * 3 // 2 if partial else self.finalists
+
+    def quick(self) -> RefineConfig:
+        """The few quick rounds by which the finalists are found."""
+        return replace(self, iterations=3, points=max(1, self.points // 2))
 
     def has_cage(self, partial: bool) -> bool:
         """Whether the result of such a scan is refined by a cage."""

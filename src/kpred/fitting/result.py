@@ -36,7 +36,7 @@ class Candidate:
         model_id, category: which model of the database.
         distance: weighted L1 distance of its tokens to the scan's.
         error: CD (full scans) or UCD (partial scans) after deformation by the network's keypoints, unit box squared.
-        refined_error: the same after keypoint refinement; None where it was not refined.
+        refined_error: the same after refinement; None where it was not refined, or given up as hopeless on the way.
         displacement: (keypoints, 3) of its keypoints, unit box, as chosen for the result.
     """
 

@@ -19,6 +19,8 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
+from kpred.ops.lattice import SIZE, lattice_weights
+from kpred.ops.lattice_cpu import carried_lattice_weights
 from kpred.ops.typing import Float, Int
 
 MOST_FACES = 8192
@@ -42,11 +44,17 @@ class SurfacePoints:
     corners: Tensor | None
     shares: Tensor | None
 
-    def carried(self, values: Float[Tensor, "vertices columns"], step: int = 1) -> Float[Tensor, "points columns"]:
-        """What the vertices say, at every `step`-th point; needs corners."""
-        assert self.corners is not None and self.shares is not None
-        at, share = self.corners[::step], self.shares[::step]
-        return sum(share[:, corner, None] * values[at[:, corner]] for corner in range(3))  # type: ignore[return-value]
+    def lattice_columns(
+        self, points: Float[Tensor, "points 3"], half: Float[Tensor, "3"]
+    ) -> Float[Tensor, "points controls"]:
+        """Weights of the control points of a lattice, whose box reaches from -half to half, at the points (unit box).
+
+        They are carried by their faces' corners; those of a mesh of many faces move by themselves.
+        """
+        if self.corners is None or self.shares is None:
+            return lattice_weights(points, -half, half)
+        arrays = (self.vertices, self.corners, self.shares, -half, half)
+        return torch.from_numpy(carried_lattice_weights(*(array.numpy() for array in arrays), size=SIZE))
 
 
 _kept: WeakKeyDictionary[Database, OrderedDict[tuple[str, int], SurfacePoints]] = WeakKeyDictionary()

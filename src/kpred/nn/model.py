@@ -12,7 +12,7 @@ from kpred.nn.influence import InfluencePredictor
 from kpred.nn.keypoints import KeypointPredictor
 from kpred.nn.retrieval import RegionDecoder, RetrievalEncoder
 from kpred.ops.cage import enclosing_cage, pulled_in_cage
-from kpred.ops.regions import ball_query, density_confidence
+from kpred.ops.regions import ball_counts, density_confidence
 from kpred.ops.typing import Float
 
 STAGES = {
@@ -87,7 +87,7 @@ class KPRed(nn.Module):
         """D_i in [0, 1]: how densely the support region of each keypoint was seen (all ones without CB)."""
         if not self.config.confidence:
             return keypoints.new_ones(keypoints.shape[:2])
-        _, counts = ball_query(points, keypoints, self.config.radius, 1)
+        counts = ball_counts(points, keypoints, self.config.radius)
         return density_confidence(counts, points.shape[1], self.config.radius, self.config.density)
 
     def fingerprint(self) -> str:

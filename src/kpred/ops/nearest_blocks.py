@@ -70,7 +70,7 @@ def _cell(offset, scale):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _sort(cloud, order):
+def sort_cloud(cloud, order):
     """Fills `order` with the rows of one cloud along the curve, rows of one cell in their order."""
     lowest, highest = cloud[0].copy(), cloud[0].copy()
     for i in range(len(cloud)):
@@ -101,11 +101,11 @@ def _sort(cloud, order):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _prepare(reference, sorted_points, order, box, first, last):
+def sort_reference(reference, sorted_points, order, box, first, last):
     """Clouds sorted, the last point repeated to fill the last block; box of each block: lowest x, y, z, highest."""
     count, blocks = reference.shape[1], box.shape[2]
     for b in range(first, last):
-        _sort(reference[b], order[b])
+        sort_cloud(reference[b], order[b])
         for i in range(count, blocks * PACK):
             order[b, i] = order[b, count - 1]
         for axis in range(3):
@@ -123,7 +123,7 @@ def _prepare(reference, sorted_points, order, box, first, last):
 @no_type_check
 def _sort_all(clouds, order, first, last):
     for b in range(first, last):
-        _sort(clouds[b], order[b])
+        sort_cloud(clouds[b], order[b])
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
@@ -166,7 +166,8 @@ def _bounds(box, qx, qy, qz, bound):
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
-def _search(query, query_order, sorted_points, order, box, distance, index, first, last):
+def search_sorted(query, query_order, sorted_points, order, box, distance, index, first, last):
+    """Fills `distance` and `index` for groups `first` to `last` of sorted queries, against a prepared reference."""
     count, blocks = query.shape[1], box.shape[2]
     groups = (count + LANES - 1) // LANES
     qx = np.empty(LANES, np.float32)
@@ -218,13 +219,15 @@ def nearest_blocks(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray
     box = np.empty((clouds, 6, blocks), np.float32)
     query_order = np.empty(query.shape[:2], np.int32)
     # Sorting a point costs about as much as twenty distances.
-    share_out(lambda first, last: _prepare(reference, points, order, box, first, last), clouds, 20 * clouds * size)
+    share_out(
+        lambda first, last: sort_reference(reference, points, order, box, first, last), clouds, 20 * clouds * size
+    )
     share_out(lambda first, last: _sort_all(query, query_order, first, last), len(query), 20 * query_order.size)
     distance = np.empty((batch, count), np.float32)
     index = np.empty((batch, count), np.int64)
     jobs = batch * -(-count // LANES)
     share_out(
-        lambda first, last: _search(query, query_order, points, order, box, distance, index, first, last),
+        lambda first, last: search_sorted(query, query_order, points, order, box, distance, index, first, last),
         jobs,
         jobs * LANES * size // 2,
     )

@@ -12,7 +12,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from kpred.ops.nearest_blocks import LEAST, nearest_blocks
+from kpred.ops.nearest_blocks import LEAST, PACK, nearest_blocks, search_sorted, sort_cloud, sort_reference
 from kpred.ops.worksharing import share_out
 
 LANES = 64
@@ -73,3 +73,25 @@ def nearest_brute(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray,
         jobs * LANES * reference.shape[1],
     )
     return distance, index
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def nearest_of_one(query, reference):
+    """`nearest_cpu` of one cloud each, (N, 3) and (M, 3), for other compiled code: (N,) distances and indices."""
+    queries, references = query.reshape(1, -1, 3), reference.reshape(1, -1, 3)
+    distance = np.empty((1, len(query)), np.float32)
+    index = np.empty((1, len(query)), np.int64)
+    groups = (len(query) + LANES - 1) // LANES
+    if min(len(query), len(reference)) < LEAST:
+        _nearest(queries, references, distance, index, 0, groups)
+        return distance[0], index[0]
+    packs = -(-len(reference) // PACK)
+    points = np.empty((1, 3, packs * PACK), np.float32)
+    order = np.empty((1, packs * PACK), np.int32)
+    box = np.empty((1, 6, packs), np.float32)
+    query_order = np.empty((1, len(query)), np.int32)
+    sort_reference(references, points, order, box, 0, 1)
+    sort_cloud(query, query_order[0])
+    search_sorted(queries, query_order, points, order, box, distance, index, 0, groups)
+    return distance[0], index[0]

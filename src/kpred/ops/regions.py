@@ -37,6 +37,13 @@ def ball_query(
     return torch.where(total[..., None] > 0, index, nearest[..., None]), total
 
 
+def ball_counts(
+    points: Float[Tensor, "batch points 3"], centers: Float[Tensor, "batch centers 3"], radius: float
+) -> Int[Tensor, "batch centers"]:
+    """Number of points within `radius` of each centre."""
+    return (squared_distance_matrix(centers, points) <= radius**2).sum(-1)
+
+
 def gather_points(
     values: Float[Tensor, "batch points channels"], index: Int[Tensor, "batch centers count"]
 ) -> Float[Tensor, "batch centers count channels"]:

@@ -102,8 +102,8 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
     finite = np.isfinite(array).all(axis=1)
     _check_finite(int(finite.sum()), len(array), name)
     array = array if finite.all() else array[finite]
-    # Random scans pass on the first few thousand points; only suspicious ones need all of them compared.
-    for some in (array[:4096], array):
+    # Most scans pass on their first points; only suspicious ones need all of them compared.
+    for some in (array[: 2 * MINIMUM_POINTS], array[:4096], array):
         distinct = len(np.unique(some, axis=0))
         if distinct >= MINIMUM_POINTS:
             break

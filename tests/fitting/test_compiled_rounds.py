@@ -1,0 +1,99 @@
+"""Compiled rounds of refinement do what plain torch does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from kpred.fitting import refine
+from kpred.fitting.cage_cpu import match, newton
+from kpred.fitting.refine import Hints, Refined, refine_candidates
+from kpred.fitting.refine_config import RefineConfig
+from kpred.fitting.reflection import reflect
+from kpred.ops.nearest import nearest_reference
+from kpred.ops.weighted_sums import LEAST_SCALE, geman_mcclure, robust_scale
+
+CANDIDATES, POINTS, KEYPOINTS = 4, 1500, 12
+
+
+@pytest.fixture
+def problem(generator: torch.Generator) -> tuple[torch.Tensor, ...]:
+    """Points, basis, displacement, target, confidence: smooth bases, and a target that some displacement explains."""
+    points = 2 * torch.rand(CANDIDATES, POINTS, 3, generator=generator) - 1
+    places = 2 * torch.rand(CANDIDATES, KEYPOINTS, 3, generator=generator) - 1
+    basis = torch.softmax(-4 * torch.cdist(points, places).square(), dim=2)
+    wanted = 0.15 * torch.randn(CANDIDATES, KEYPOINTS, 3, generator=generator)
+    target = (points + basis @ wanted)[0, torch.randperm(POINTS, generator=generator)[:1100]]
+    confidence = torch.rand(KEYPOINTS, generator=generator)
+    return points, basis, torch.zeros(CANDIDATES, KEYPOINTS, 3), target, confidence
+
+
+@pytest.mark.parametrize("partial", [False, True])
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("robust", [0.0, 8.0])
+def test_refinement_is_that_of_plain_torch(
+    problem: tuple[torch.Tensor, ...], partial: bool, shared: bool, robust: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points, basis, start, target, confidence = problem
+    goal = target if shared else torch.stack([target + 0.01 * row for row in range(CANDIDATES)])
+    config = replace(RefineConfig(), iterations=5, robust=robust)
+    hints = Hints(reflection=reflect(target, confidence[:, None].expand(-1, 3))) if partial and shared else None
+    network = start + 0.02
+
+    def refined() -> Refined:
+        return refine_candidates(
+            points, basis, Refined.in_fixed_box(start), goal, confidence, config, partial, network, hints
+        )
+
+    assert refine.refine_compiled is not None
+    compiled = refined()
+    monkeypatch.setattr(refine, "refine_compiled", None)
+    plain = refined()
+    assert float((plain.displacement - start).abs().max()) > 0.05
+    assert torch.allclose(compiled.displacement, plain.displacement, atol=2e-4)
+    assert compiled.error is not None and plain.error is not None
+    assert torch.allclose(compiled.error, plain.error, rtol=1e-2)
+    assert torch.equal(compiled.scale, plain.scale) and torch.equal(compiled.shift, plain.shift)
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_matches_of_a_cage_are_those_of_a_slow_reference(partial: bool, generator: torch.Generator) -> None:
+    moved, goal = torch.rand(2, 150, 3, generator=generator), torch.rand(130, 3, generator=generator)
+    found = match(moved.numpy(), goal.numpy(), 1, 3, 25.0, LEAST_SCALE, partial)
+    for cage, sums in zip(moved, torch.from_numpy(found), strict=True):
+        expected = torch.zeros(150, 4)
+        asked = goal[1::3]
+        squared, index = nearest_reference(asked[None], cage[None])
+        weight = geman_mcclure(squared, robust_scale(squared, 5.0))[0] / len(asked)
+        for row, place, share in zip(index[0], asked, weight, strict=True):
+            expected[row] += torch.cat([place * share, share[None]])
+        if not partial:
+            squared, index = nearest_reference(cage[None, 1::3], goal[None])
+            weight = geman_mcclure(squared, robust_scale(squared, 5.0))[0] / 50
+            for row, other, share in zip(range(1, 150, 3), index[0], weight, strict=True):
+                expected[row] += torch.cat([goal[other] * share, share[None]])
+        assert torch.allclose(sums, expected, atol=1e-6)
+
+
+def test_a_newton_step_solves_the_equations(generator: torch.Generator) -> None:
+    columns = torch.rand(2, 90, 8, generator=generator).double()
+    few, wanted = torch.rand(2, 90, 3, generator=generator), torch.rand(2, 90, 3, generator=generator)
+    weight = torch.rand(2, 90, generator=generator)
+    stiff = torch.diag_embed(torch.rand(3, 8, generator=generator).double() + 0.1)
+    normal = columns.transpose(1, 2) @ (columns * weight[..., None].double())
+    factor = torch.linalg.cholesky(normal[:, None] + stiff)
+    sums = torch.cat([wanted * weight[..., None], weight[..., None]], dim=2)
+    across = columns.transpose(1, 2).float().contiguous()
+    displacement = np.zeros((2, 8, 3), np.float32)
+    arrays = [part.numpy() for part in (sums, stiff, factor)]
+    moved = newton(across.numpy(), few.numpy(), few.numpy(), *arrays, displacement)
+    pull = columns.transpose(1, 2) @ (weight[..., None] * (wanted - few)).double()
+    for axis in range(3):
+        expected = torch.linalg.solve(normal + stiff[axis], pull[..., axis])
+        assert np.allclose(displacement[..., axis], expected, atol=1e-4)
+    assert np.allclose(moved, few + (columns @ torch.from_numpy(displacement).double()), atol=1e-4)
+    # Where the equations hold already, nothing moves.
+    before = displacement.copy()
+    newton(across.numpy(), few.numpy(), moved, *arrays, displacement)
+    assert np.allclose(displacement, before, atol=1e-4)
