@@ -183,16 +183,16 @@ def train_recognizer(
 
 
 def recognizer(categories: tuple[str, ...], start_from: str | None) -> Recognizer:
-    """A fresh one that tells completeness too, or a finished one, of which only what tells that may be fresh."""
+    """A fresh one, or a finished one that goes on."""
     earlier = None if start_from is None else finished(start_from)
     blocks = {"blocks": BLOCKS} if earlier is None else {"width": earlier.config.width, "blocks": earlier.config.blocks}
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(RECOGNITION.seed)
-        network = Recognizer(RecognizerConfig(categories=categories, completeness=True, **blocks))
+        network = Recognizer(RecognizerConfig(categories=categories, **blocks))
     if earlier is not None:
         if earlier.config.categories != categories:
             raise SystemExit(f"{start_from} knows {earlier.config.categories}, but the packs show {categories}.")
-        network.load_state_dict(earlier.state_dict(), strict=False)
+        network.load_state_dict(earlier.state_dict())
     return network
 
 

@@ -29,10 +29,13 @@ class Oracle(Recognizer):
 
 @pytest.fixture
 def scan(rng: np.random.Generator) -> np.ndarray:
-    """A flat round cloud without any edge that tells its yaw, and one high point at the back."""
-    angle, radius = rng.uniform(0, 2 * np.pi, 500), np.sqrt(rng.uniform(0, 1, 500))
-    flat = np.stack([radius * np.cos(angle), 0.02 * rng.standard_normal(500), radius * np.sin(angle)], axis=1)
-    return np.concatenate([[[0.0, 1.0, -1.0]], flat])
+    """A flat round cloud without any edge that tells its yaw, and one high point at the back.
+
+    Points come in opposite pairs: the first few of them have their mean where all have it.
+    """
+    angle, radius = rng.uniform(0, 2 * np.pi, 250), np.sqrt(rng.uniform(0, 1, 250))
+    flat = np.stack([radius * np.cos(angle), 0.02 * rng.standard_normal(250), radius * np.sin(angle)], axis=1)
+    return np.concatenate([[[0.0, 1.0, -1.0]], np.stack([flat, -flat], axis=1).reshape(-1, 3)])
 
 
 @pytest.mark.parametrize("degrees", [0.0, 17.0, -100.0, 163.0])

@@ -75,40 +75,12 @@ def test_a_batch_teaches_right_turns_as_right_and_wrong_ones_as_none(data: Recog
     fronted = dataclasses.replace(data, period=torch.full_like(data.period, 2 * math.pi))
     config = dataclasses.replace(CONFIG, others=0.0, tilted=0.0, optimisation=StageConfig(steps=1, batch=256))
     work = RecognitionStage(Recognizer(dataclasses.replace(SMALL, categories=data.categories)), fronted, config)
-    clouds, answer, turn, teaches, _ = work.batch(torch.Generator().manual_seed(0))
+    clouds, answer, turn, teaches = work.batch(torch.Generator().manual_seed(0))
     assert clouds.shape == (256, 64, 3)
     off = turn.abs()
     assert (answer[off <= RIGHT] < 2).all() and (answer[off >= WRONG] == 2).all()
     assert (answer[(off > RIGHT) & (off < WRONG)] == -1).all()
     assert (off <= RIGHT).any() and (off >= WRONG).any() and not teaches[off > 0.5].any()
-
-
-def test_only_whole_clouds_are_taught_as_whole(data: RecognitionData) -> None:
-    known = Recognizer(dataclasses.replace(SMALL, categories=data.categories, completeness=True))
-    for shares, all_whole in (({"whole": 1.0, "sliced": 0.0}, True), ({"whole": 0.0, "sliced": 0.5}, False)):
-        config = dataclasses.replace(CONFIG, **shares)  # type: ignore[arg-type]
-        work = RecognitionStage(known, data, config)
-        assert bool((work.batch(torch.Generator().manual_seed(0))[4] == all_whole).all())
-        assert "whole" in work.losses(0, torch.Generator().manual_seed(0))
-    unable = RecognitionStage(Recognizer(dataclasses.replace(SMALL, categories=data.categories)), data, CONFIG)
-    assert "whole" not in unable.losses(0, torch.Generator().manual_seed(0))
-
-
-def test_completeness_can_be_learned_on_top_of_older_weights(packs: list[MeshPack], tmp_path: Path) -> None:
-    older = train_recognizer(packs, CONFIG, tmp_path / "older", model=SMALL)
-    still = dataclasses.replace(CONFIG, optimisation=dataclasses.replace(CONFIG.optimisation, learning_rate=1e-9))
-    newer = train_recognizer(
-        packs,
-        still,
-        tmp_path / "newer",
-        model=dataclasses.replace(SMALL, completeness=True),
-        start_from=tmp_path / "older" / "model",
-    )
-    cloud = torch.rand(2, 100, 3)
-    assert torch.allclose(newer(cloud)[0], older(cloud)[0], atol=1e-2)
-    assert newer.answers(cloud).whole is not None and older.answers(cloud).whole is None
-    with pytest.raises(ConfigError, match="another kind"):
-        train_recognizer(packs, still, tmp_path / "wide", start_from=tmp_path / "older" / "model")
 
 
 def test_resumed_equals_uninterrupted(packs: list[MeshPack], tmp_path: Path) -> None:

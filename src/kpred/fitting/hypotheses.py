@@ -182,8 +182,7 @@ def looks_partial(reading: Hypothesis) -> bool:
     sides = reading.candidates.target.quantile(torch.tensor([0.01, 0.99]), dim=0).diff(dim=0)[0]
     if float(sides.min()) < LEAST_SIDE * float(sides.max()):
         return True
-    order = reading.candidates.errors(most=512).argsort()[:SCREENED]
-    close = reading.candidates.refined(SCREEN, order)
+    close = reading.candidates.refined(SCREEN, torch.arange(min(SCREENED, len(reading.candidates.model_ids))))
     best = close.take(close.errors(most=512).argmin()[None])
     squared, _ = nearest_neighbours(best.deformed()[:, ::2].contiguous(), best.target[None])
     return float((squared > UNSEEN_DISTANCE**2).float().mean()) > UNSEEN_SHARE

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import no_type_check
+
+import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -22,7 +25,8 @@ def estimate_normals(
     queries = points if queries is None else queries
     if len(points) < 4:
         return np.tile([0.0, 0.0, 1.0], (len(queries), 1)), np.zeros(len(queries))
-    _, index = cKDTree(points, balanced_tree=False).query(queries, k=min(neighbours, len(points)))
+    tree = cKDTree(points, balanced_tree=False)
+    _, index = tree.query(queries, k=min(neighbours, len(points)), workers=numba.get_num_threads())
     return neighbour_normals(points, index)
 
 
@@ -30,13 +34,68 @@ def neighbour_normals(
     points: Float[np.ndarray, "points 3"], index: Int[np.ndarray, "queries neighbours"]
 ) -> tuple[Float[np.ndarray, "queries 3"], Float[np.ndarray, " queries"]]:
     """`estimate_normals` where the neighbours of each query are known already (three at least)."""
-    near = points[index]
-    near = near - near.mean(axis=1, keepdims=True)
-    # Brought to the order of one, so that millimetres and kilometres lose no digits.
-    near = near / max(float(np.abs(near).max()), np.finfo(float).tiny)
-    variance, axes = np.linalg.eigh(np.matmul(near.transpose(0, 2, 1), near))
-    planarity = (variance[:, 1] - variance[:, 0]) / np.maximum(variance[:, 2], np.finfo(float).tiny)
-    return axes[:, :, 0], np.clip(planarity, 0.0, 1.0)
+    normals, planarity = np.empty((len(index), 3)), np.empty(len(index))
+    rows = np.ascontiguousarray(index, dtype=np.int64)
+    _principal(np.ascontiguousarray(points, dtype=np.float64), rows, normals, planarity)
+    return normals, planarity
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _principal(points, index, normals, planarity):
+    """Axis of least variance of each neighbourhood, by Jacobi's rotations of its covariance."""
+    count = index.shape[1]
+    tiny = np.finfo(np.float64).tiny
+    matrix, axes, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for row in range(len(index)):
+        middle[:] = 0.0
+        for j in range(count):
+            for a in range(3):
+                middle[a] += points[index[row, j], a] / count
+        # Brought to the order of one, so that millimetres and kilometres lose no digits.
+        largest = tiny
+        for j in range(count):
+            for a in range(3):
+                largest = max(largest, abs(points[index[row, j], a] - middle[a]))
+        matrix[:] = 0.0
+        for j in range(count):
+            for a in range(3):
+                for b in range(a, 3):
+                    product = (points[index[row, j], a] - middle[a]) / largest
+                    matrix[a, b] += product * ((points[index[row, j], b] - middle[b]) / largest)
+        axes[:] = 0.0
+        for a in range(3):
+            axes[a, a] = 1.0
+            for b in range(a):
+                matrix[a, b] = matrix[b, a]
+        for _ in range(12):
+            if abs(matrix[0, 1]) + abs(matrix[0, 2]) + abs(matrix[1, 2]) <= 1e-15 * count:
+                break
+            for p, q in ((0, 1), (0, 2), (1, 2)):
+                if matrix[p, q] == 0.0:
+                    continue
+                theta = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
+                t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
+                t = -t if theta < 0 else t
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(3):
+                    one, two = matrix[k, p], matrix[k, q]
+                    matrix[k, p], matrix[k, q] = c * one - s * two, s * one + c * two
+                for k in range(3):
+                    one, two = matrix[p, k], matrix[q, k]
+                    matrix[p, k], matrix[q, k] = c * one - s * two, s * one + c * two
+                for k in range(3):
+                    one, two = axes[k, p], axes[k, q]
+                    axes[k, p], axes[k, q] = c * one - s * two, s * one + c * two
+        least = 0
+        most = 0
+        for a in range(1, 3):
+            least = a if matrix[a, a] < matrix[least, least] else least
+            most = a if matrix[a, a] >= matrix[most, most] else most
+        normals[row] = axes[:, least]
+        between = matrix[0, 0] + matrix[1, 1] + matrix[2, 2] - matrix[least, least] - matrix[most, most]
+        planarity[row] = min(1.0, max(0.0, (between - matrix[least, least]) / max(matrix[most, most], tiny)))
 
 
 def orient_normals(

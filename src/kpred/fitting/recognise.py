@@ -15,6 +15,9 @@ from kpred.ops.typing import Float
 POINTS = 384
 """Points of the scan that the recognizer sees, in random order like all of them."""
 
+FIRST_POINTS = 256
+"""Points that it sees of all turns, before the best of them are asked again: as many as it was trained with."""
+
 STEP = 30
 """Degrees between the turns that are tried all around; the recognizer corrects what is left."""
 
@@ -65,7 +68,7 @@ def recognised(
     geometric = yaw_hypotheses(points @ upright.T, GEOMETRIC)
     around = [*np.radians(np.arange(0, 360, STEP)), *geometric]
     columns = [recognizer.config.categories.index(name) for name in categories]
-    odds, missing = ask(standing, [yaw_rotation(turn) for turn in around], recognizer)
+    odds, missing = ask(standing[:FIRST_POINTS], [yaw_rotation(turn) for turn in around], recognizer)
     best = odds[:, columns].max(axis=1)
     turns: list[float] = []
     for row in np.argsort(-best):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import no_type_check
+
+import numba
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -137,14 +140,24 @@ def _wall_peaks(angle: np.ndarray, weight: np.ndarray, most: int = 2) -> list[fl
 def _sharpness(footprint: np.ndarray, bins: int = 64) -> np.ndarray:
     """For each degree of a quarter turn, how unevenly the turned footprint spreads over its two axes."""
     angles = np.arange(90) * QUARTER / 90
-    c, s = np.cos(angles), np.sin(angles)
-    spread = np.stack([footprint @ np.stack([c, s]), footprint @ np.stack([-s, c])])
-    column = np.clip(((spread + 1.5) / 3.0 * 2 * bins).astype(np.int64), 0, 2 * bins - 1)
-    column += (np.arange(180) * 2 * bins).reshape(2, 1, 90)
-    counts = np.bincount(column.ravel(), minlength=180 * 2 * bins).reshape(2, 90, 2 * bins).astype(float)
+    counts = np.zeros((2, 90, 2 * bins))
+    _spread(np.ascontiguousarray(footprint), np.cos(angles), np.sin(angles), counts)
     smooth = counts[..., 1:] + counts[..., :-1]
     sharp: np.ndarray = (smooth**2).sum(axis=(0, 2)) / max(len(footprint), 1) ** 2
     return sharp
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _spread(footprint, c, s, counts):
+    """Counts points of the turned footprint in bins between -1.5 and 1.5 along its two axes."""
+    bins = counts.shape[2]
+    for turn in range(len(c)):
+        for i in range(len(footprint)):
+            x, z = footprint[i, 0], footprint[i, 1]
+            across, along = x * c[turn] + z * s[turn], z * c[turn] - x * s[turn]
+            counts[0, turn, min(max(int((across + 1.5) / 3.0 * bins), 0), bins - 1)] += 1.0
+            counts[1, turn, min(max(int((along + 1.5) / 3.0 * bins), 0), bins - 1)] += 1.0
 
 
 def _ordered_quarters(points: np.ndarray, angle: float) -> list[float]:

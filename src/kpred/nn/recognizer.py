@@ -26,13 +26,11 @@ class RecognizerConfig:
         categories: names, in the order of the network's answers; "none of them" comes last.
         width: channels of the point features.
         blocks: context blocks.
-        completeness: whether it also tells if a cloud shows the whole object.
     """
 
     categories: tuple[str, ...] = ()
     width: int = 128
     blocks: int = 3
-    completeness: bool = False
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.blocks < 0:
@@ -56,37 +54,16 @@ class RecognizerConfig:
         if unknown:
             raise ConfigError(f"Recognizer config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
         try:
-            return cls(
-                tuple(str(name) for name in values["categories"]),
-                int(values["width"]),
-                int(values["blocks"]),
-                bool(values.get("completeness", False)),
-            )
+            return cls(tuple(str(name) for name in values["categories"]), int(values["width"]), int(values["blocks"]))
         except (KeyError, TypeError, ValueError) as error:
             raise ConfigError(f"This is no recognizer config ({error!r}); train or copy it again.") from error
-
-
-@dataclass(frozen=True, eq=False)
-class RecognizerAnswers:
-    """What a recognizer says of a batch of clouds.
-
-    Attributes:
-        logits: (B, categories + 1) of the categories and, last, of "none".
-        turn: (B,) about +y that is still missing, radians.
-        whole: (B,) log-odds that the cloud shows all sides of its object; None where the network was not taught to tell.
-    """
-
-    logits: Tensor
-    turn: Tensor
-    whole: Tensor | None
 
 
 class Recognizer(nn.Module):
     """PointNet with context blocks over a cloud that may be partial, in any unit, y up, turned by a supposed yaw.
 
-    It answers about the cloud as it stands: which category it is of, or none (another thing, or not facing +z, or not
-    upright); by which small turn it would face +z exactly; and whether it shows the whole object. Asked for several
-    turns, it tells yaw.
+    It answers two questions about the cloud as it stands: which category it is of, or none (another thing, or not
+    facing +z, or not upright); and by which small turn it would face +z exactly. Asked for several turns, it tells yaw.
     """
 
     def __init__(self, config: RecognizerConfig) -> None:
@@ -98,17 +75,11 @@ class Recognizer(nn.Module):
         self.wide = nn.Linear(width, 2 * width)
         self.shape = nn.ModuleList([nn.Linear(4 * width, 2 * width), nn.Linear(2 * width, width)])
         self.output = nn.Linear(width, len(config.categories) + 2)
-        self.whole = nn.Linear(width, 1) if config.completeness else None
 
     def forward(
         self, points: Float[Tensor, "batch points 3"]
     ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
         """Logits of the categories and, last, of "none"; and the turn about +y (radians) that is still missing."""
-        said = self.answers(points)
-        return said.logits, said.turn
-
-    def answers(self, points: Float[Tensor, "batch points 3"]) -> RecognizerAnswers:
-        """All that it has to say of each cloud."""
         features = robust_unit_box(points)
         for layer in self.local:
             features = functional.leaky_relu(layer(features), 0.1, inplace=True)
@@ -119,8 +90,7 @@ class Recognizer(nn.Module):
         for layer in self.shape:
             shape = functional.leaky_relu(layer(shape), 0.1)
         answers = self.output(shape)
-        whole = None if self.whole is None else self.whole(shape)[:, 0]
-        return RecognizerAnswers(answers[:, :-1], MOST_TURN * torch.tanh(answers[:, -1]), whole)
+        return answers[:, :-1], MOST_TURN * torch.tanh(answers[:, -1])
 
 
 def robust_unit_box(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:

@@ -40,7 +40,7 @@ RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
 
 
 class RecognitionStage(SingleStage[RecognitionConfig]):
-    """Cross-entropy of the answers, error of the missing turn where a cloud stands about right, and completeness."""
+    """Cross-entropy of the answers, and the error of the missing turn where a cloud stands about right."""
 
     name = "recognition"
 
@@ -49,28 +49,23 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Loss terms of one random batch."""
-        clouds, answer, turn, teaches, whole = self.batch(generator)
-        said = self.network.answers(clouds)
+        clouds, answer, turn, teaches = self.batch(generator)
+        logits, found = self.network(clouds)
         taught = answer >= 0
-        losses = {"answer": functional.cross_entropy(said.logits[taught], answer[taught])}
+        losses = {"answer": functional.cross_entropy(logits[taught], answer[taught])}
         if bool(teaches.any()):
-            error = (said.turn[teaches] - turn[teaches]) / MOST_TURN
+            error = (found[teaches] - turn[teaches]) / MOST_TURN
             losses["turn"] = self.config.turn_weight * error.abs().mean()
-        if said.whole is not None:
-            loss = functional.binary_cross_entropy_with_logits(said.whole, whole.to(said.whole.dtype))
-            losses["whole"] = self.config.whole_weight * loss
         return losses
 
     @in_full_precision
-    def batch(self, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Clouds (B, N, 3); answers (B,), -1 where none is taught; missing turns (B,), and where these are taught; and
-        which clouds (B,) show their whole object.
-        """
+    def batch(self, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Clouds (B, N, 3); answers (B,), -1 where none is taught; missing turns (B,), and where these are taught."""
         config, data, count = self.config, self.data, self.settings.batch
         options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
         rows = data.draw(count, config.others, generator)
         period = data.period[rows]
-        clouds, whole = self._seen(rows, generator)
+        clouds = self._seen(rows, generator)
         factors = random_factors(count, config.stretch, generator)
         # A square or round top stays so.
         square = (period < 2.0)[:, None]
@@ -93,19 +88,20 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         answer = torch.where(stands & (turn.abs() <= RIGHT), data.category[rows], len(data.categories))
         unsure = stands & (turn.abs() > RIGHT) & (turn.abs() < WRONG)
         answer = torch.where(unsure, -1, answer)
-        return clouds, answer, turn, stands & (turn.abs() < MOST_TURN * 0.9) & (period > 0), whole
+        return clouds, answer, turn, stands & (turn.abs() < MOST_TURN * 0.9) & (period > 0)
 
-    def _seen(self, rows: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-        """Clouds, and which of them are whole."""
+    def _seen(self, rows: Tensor, generator: torch.Generator) -> Tensor:
         config, data = self.config, self.data
         options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
         kind = torch.rand(len(rows), 1, 1, **options)
         dense = data.clouds[rows].float()
         whole, scanned = dense[:, : 2 * config.points], random_views(dense, config.points, generator)
         cut = random_slices(whole, (0.2, 0.7), generator)[:, : config.points]
-        is_whole = (kind >= config.sliced) & (kind < config.sliced + config.whole)
-        clouds = torch.where(kind < config.sliced, cut, torch.where(is_whole, whole[:, : config.points], scanned))
-        return clouds, is_whole[:, 0, 0]
+        return torch.where(
+            kind < config.sliced,
+            cut,
+            torch.where(kind < config.sliced + config.whole, whole[:, : config.points], scanned),
+        )
 
     def _with_floor(self, clouds: Tensor, generator: torch.Generator) -> Tensor:
         """Some points of some clouds are moved to the level of their lowest, around the object."""
@@ -167,10 +163,9 @@ def train_recognizer(
         network = Recognizer(architecture).to(device)
     if start_from is not None:
         earlier = load_recognizer(start_from)
-        if dataclasses.replace(earlier.config, completeness=architecture.completeness) != architecture:
+        if earlier.config != architecture:
             raise ConfigError(f"{start_from} holds another kind of recognizer; give the same categories and settings.")
-        # Only what tells completeness may be new.
-        network.load_state_dict(earlier.state_dict(), strict=False)
+        network.load_state_dict(earlier.state_dict())
     where = data.clouds.device
     known = architecture.to_dict()
     checkpoint = resumable(folder, "recognition", known, config.to_dict(), where, world) if resume else None

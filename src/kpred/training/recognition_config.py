@@ -21,7 +21,7 @@ class RecognitionConfig(SingleStageConfig):
         stretch: clouds are scaled per axis by up to this factor.
         noise, outliers: most jitter (unit box) and stray points (share) of a cloud.
         floor: share of clouds that stand on a piece of floor, of which cleaning may have left a part.
-        turn_weight: of the error of the turn, in units of `MOST_TURN`; whole_weight: of the answer whether all is seen.
+        turn_weight: of the error of the turn, in units of `MOST_TURN`.
     """
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=5000, batch=48))
@@ -37,7 +37,6 @@ class RecognitionConfig(SingleStageConfig):
     outliers: float = 0.02
     floor: float = 0.1
     turn_weight: float = 1.0
-    whole_weight: float = 0.3
 
     def __post_init__(self) -> None:
         super().__post_init__()
