@@ -23,7 +23,7 @@ __version__ = "0.1.0"
 # torch's OpenMP threads wait busily for milliseconds after each loop and keep compiled kernels of this package off the
 # processor. Read when torch is loaded; who has said how threads wait is not overruled.
 if "OMP_WAIT_POLICY" not in os.environ:
-    os.environ.setdefault("GOMP_SPINCOUNT", "10000")
+    os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 __all__ = [
     "Database",
