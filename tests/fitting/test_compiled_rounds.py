@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from kpred.fitting import refine
-from kpred.fitting.cage_cpu import match, newton
+from kpred.fitting.cage_cpu import match, newton_rounds
 from kpred.fitting.refine import Hints, Refined, refine_candidates
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.reflection import reflect
@@ -76,24 +76,38 @@ def test_matches_of_a_cage_are_those_of_a_slow_reference(partial: bool, generato
         assert torch.allclose(sums, expected, atol=1e-6)
 
 
-def test_a_newton_step_solves_the_equations(generator: torch.Generator) -> None:
-    columns = torch.rand(2, 90, 8, generator=generator).double()
-    few, wanted = torch.rand(2, 90, 3, generator=generator), torch.rand(2, 90, 3, generator=generator)
-    weight = torch.rand(2, 90, generator=generator)
+@pytest.mark.parametrize("partial", [False, True])
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_rounds_of_a_cage_are_those_of_a_slow_reference(partial: bool, rounds: int, generator: torch.Generator) -> None:
+    columns = torch.rand(2, 90, 8, generator=generator)
+    few, goal = torch.rand(2, 90, 3, generator=generator), torch.rand(80, 3, generator=generator)
+    held = 0.01 * torch.rand(2, 90, generator=generator)
+    start = few + 0.05 * torch.rand(2, 90, 3, generator=generator)
     stiff = torch.diag_embed(torch.rand(3, 8, generator=generator).double() + 0.1)
-    normal = columns.transpose(1, 2) @ (columns * weight[..., None].double())
-    factor = torch.linalg.cholesky(normal[:, None] + stiff)
-    sums = torch.cat([wanted * weight[..., None], weight[..., None]], dim=2)
-    across = columns.transpose(1, 2).float().contiguous()
-    displacement = np.zeros((2, 8, 3), np.float32)
-    arrays = [part.numpy() for part in (sums, stiff, factor)]
-    moved = newton(across.numpy(), few.numpy(), few.numpy(), *arrays, displacement)
-    pull = columns.transpose(1, 2) @ (weight[..., None] * (wanted - few)).double()
-    for axis in range(3):
-        expected = torch.linalg.solve(normal + stiff[axis], pull[..., axis])
-        assert np.allclose(displacement[..., axis], expected, atol=1e-4)
-    assert np.allclose(moved, few + (columns @ torch.from_numpy(displacement).double()), atol=1e-4)
-    # Where the equations hold already, nothing moves.
-    before = displacement.copy()
-    newton(across.numpy(), few.numpy(), moved, *arrays, displacement)
-    assert np.allclose(displacement, before, atol=1e-4)
+
+    def wanted_at(moved: torch.Tensor, turn: int) -> torch.Tensor:
+        sums = torch.from_numpy(match(moved.numpy(), goal.numpy(), turn % 2, 2, 16.0, LEAST_SCALE, partial))
+        return sums + torch.cat([start * held[..., None], held[..., None]], dim=2)
+
+    first = wanted_at(start, 0)
+    normal = (columns.transpose(1, 2) @ (columns * first[..., 3:])).double()[:, None] + stiff
+    factor = torch.linalg.cholesky(normal).contiguous()
+    across = columns.transpose(1, 2).contiguous()
+    arrays = (across, few, start, held, goal, first, stiff, factor)
+    found = newton_rounds(
+        *(part.numpy() for part in arrays),
+        rounds=rounds,
+        asked_in_turn=2,
+        robust=16.0,
+        least=LEAST_SCALE,
+        partial=partial,
+    )
+    expected, moved, sums = torch.zeros(2, 3, 8, dtype=torch.float64), few, first
+    for turn in range(rounds):
+        sums = wanted_at(moved, turn) if turn else sums
+        residual = (sums[..., :3] - sums[..., 3:] * moved).double()
+        pull = (columns.transpose(1, 2).double() @ residual).transpose(1, 2)[..., None] - stiff @ expected[..., None]
+        expected = expected + torch.linalg.solve(normal, pull)[..., 0]
+        moved = few + (columns.double() @ expected.transpose(1, 2)).float()
+    assert np.allclose(found, expected.transpose(1, 2), atol=2e-4)
+    assert np.abs(found).max() > 0.005

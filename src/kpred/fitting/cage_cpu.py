@@ -59,29 +59,77 @@ def _shares(squared, robust, least):
     return weight / np.float32(len(squared))
 
 
-def newton(
+def newton_rounds(
     across: np.ndarray,
     few: np.ndarray,
-    now: np.ndarray,
+    start: np.ndarray,
+    held: np.ndarray,
+    goal: np.ndarray,
     wanted: np.ndarray,
     stiff: np.ndarray,
     factor: np.ndarray,
-    displacement: np.ndarray,
+    *,
+    rounds: int,
+    asked_in_turn: int,
+    robust: float,
+    least: float,
+    partial: bool,
 ) -> np.ndarray:
-    """One step of least squares: changes `displacement` (C, L, 3) in place, and gives the points (C, N, 3) after it.
+    """Displacements (C, L, 3) of the control points after `rounds` of least squares, with new matches between them.
 
     Args:
-        across: (C, L, N) transposed weights of the control points; few: (C, N, 3) the source, now: as it is moved.
-        wanted: (C, N, 4) of `match`; stiff: (3, L, L) stiffness for x, y and z, float64.
-        factor: (C, 3, L, L) lower triangular, float64, of the normal matrix, which may be some rounds old.
+        across: (C, L, N) transposed weights of the control points; few: (C, N, 3) the source.
+        start: (C, N, 3) where points that are not seen stay, held: (C, N) with which weight.
+        goal: (M, 3) of the scan; wanted: (C, N, 4), that of the first round: `match` and what is held.
+        stiff: (3, L, L) stiffness for x, y and z, float64.
+        factor: (C, 3, L, L) lower triangular, float64, of the first round's normal matrix: later rounds' are close.
+        asked_in_turn, robust, least, partial: as for `match`.
     """
-    moved = np.empty_like(few)
+    displacement = np.zeros((len(few), across.shape[1], 3), np.float32)
     share_out(
-        lambda first, last: _newton(across, few, now, wanted, stiff, factor, displacement, moved, first, last),
+        lambda first, last: _rounds(
+            across,
+            few,
+            start,
+            held,
+            goal,
+            wanted,
+            stiff,
+            factor,
+            rounds,
+            asked_in_turn,
+            robust,
+            least,
+            partial,
+            displacement,
+            first,
+            last,
+        ),  # fmt: skip
         len(few),
-        len(few) * across.shape[1] * across.shape[2] * 6,
+        len(few) * rounds * few.shape[1] * len(goal) // asked_in_turn,
     )
-    return moved
+    return displacement
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _rounds(
+    across, few, start, held, goal, wanted, stiff, factor,
+    rounds, asked_in_turn, robust, least, partial, displacement, first, last,
+):  # fmt: skip
+    for c in range(first, last):
+        one = slice(c, c + 1)
+        # Only the matches of the first round are those of the keypoints' result: the warp begins at the source.
+        moved, sums = few[one].copy(), wanted[one].copy()
+        for turn in range(rounds):
+            if turn > 0:
+                sums[:] = 0
+                _match(moved, goal, turn % asked_in_turn, asked_in_turn, robust, least, partial, sums, 0, 1)
+                for i in range(few.shape[1]):
+                    for axis in range(3):
+                        sums[0, i, axis] += held[c, i] * start[c, i, axis]
+                    sums[0, i, 3] += held[c, i]
+            _newton(across[one], few[one], moved, sums, stiff, factor[one], displacement[one], moved, 0, 1)
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)

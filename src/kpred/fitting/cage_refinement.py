@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
-from kpred.fitting.cage_cpu import match, newton
+from kpred.fitting.cage_cpu import match, newton_rounds
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.choice import order
 from kpred.fitting.refine import ASKED_IN_TURN, unseen_share
@@ -30,9 +30,6 @@ from kpred.ops.weighted_sums import LEAST_SCALE, add_wanted
 
 HELD = 5e-8
 """Weight of a control point's displacement, so that those far from any surface have one."""
-
-FACTORED = (0,)
-"""Rounds in which the normal matrix is made anew: between them matches change little, and the gradient is exact."""
 
 
 def with_cages(
@@ -100,24 +97,23 @@ def _fitted(
     across = columns.transpose(1, 2).contiguous()
     goal = target[:: max(1, len(target) // config.points)].contiguous()
     stiff = _stiffness(config.cage_smoothness, config.cage_symmetry)
-    # Only the matches of the first round are those of the keypoints' result.
-    displacement = few.new_zeros(len(cages), SIZE**3, 3)
     start = start[:, ::step].contiguous()
-    moved, factor = start, torch.empty(0)
-    held = _unseen(start, goal, config.unseen) if partial else None
-    for turn in range(config.cage_iterations):
-        asked = turn % ASKED_IN_TURN, ASKED_IN_TURN, config.cage_robust**2, LEAST_SCALE
-        wanted = torch.from_numpy(match(moved.numpy(), goal.numpy(), *asked, partial))
-        if held is not None:
-            add_wanted(wanted, start, held)
-        if turn in FACTORED:
-            normal = (across * wanted[:, None, :, 3]) @ columns
-            factor = torch.linalg.cholesky(normal.double()[:, None] + stiff)
-        # Newton's step with a matrix that may be a round old.
-        now = moved if turn else few
-        arrays = (across, few, now, wanted, stiff, factor.contiguous(), displacement)
-        moved = torch.from_numpy(newton(*(array.numpy() for array in arrays)))
-    return displacement
+    held = _unseen(start, goal, config.unseen) if partial else torch.zeros_like(start[..., 0])
+    robust = config.cage_robust**2
+    wanted = match(start.numpy(), goal.numpy(), 0, ASKED_IN_TURN, robust, LEAST_SCALE, partial)
+    sums = torch.from_numpy(wanted)
+    add_wanted(sums, start, held)
+    normal = (across * sums[:, None, :, 3]) @ columns
+    factor = torch.linalg.cholesky(normal.double()[:, None] + stiff).contiguous()
+    displacement = newton_rounds(
+        *(array.numpy() for array in (across, few, start, held, goal, sums, stiff, factor)),
+        rounds=config.cage_iterations,
+        asked_in_turn=ASKED_IN_TURN,
+        robust=robust,
+        least=LEAST_SCALE,
+        partial=partial,
+    )
+    return torch.from_numpy(displacement)
 
 
 def _unseen(start: Tensor, goal: Tensor, weight: float) -> Float[Tensor, "cages points"]:
