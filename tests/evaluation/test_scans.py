@@ -114,6 +114,8 @@ def test_the_true_shape_has_no_errors_wherever_it_stands(
         assert max(errors.whole, errors.visible) < 2e-4
         assert max(errors.centre, errors.size) < 1e-5
     assert outcome.right
+    # A whole generated chair, seen from one side, stands on its feet for whoever looks.
+    assert outcome.up_right
     assert outcome.yaw == pytest.approx(0, abs=1e-9)
     assert (outcome.confidence, outcome.warnings, outcome.milliseconds) == (0.75, 1, 750)
     assert outcome.result is not None
@@ -188,9 +190,17 @@ def test_no_failure_is_lost(target: ScanTarget, how: Fitting, monkeypatch: pytes
 
 ERRORS = Errors(whole=0.02, visible=0.01, distance=0.05, centre=0.1, size=0.2)
 FINE = ScanOutcome(
-    *("a", "chair", "none"), found="chair", confidence=0.9, yaw=3.0, unknown=ERRORS, known=replace(ERRORS, whole=0.01)
+    model_id="a",
+    category="chair",
+    symmetry="none",
+    found="chair",
+    confidence=0.9,
+    yaw=3.0,
+    up="z",
+    unknown=ERRORS,
+    known=replace(ERRORS, whole=0.01),
 )
-TURNED = replace(FINE, yaw=90.0, confidence=0.6, unknown=replace(ERRORS, whole=0.04), symmetry="half turn")
+TURNED = replace(FINE, up="-z", yaw=90.0, confidence=0.6, unknown=replace(ERRORS, whole=0.04), symmetry="half turn")
 LOST = ScanOutcome("c", "chair", "none", failure="too small", known=ERRORS)
 OTHER = ScanOutcome("d", "other", "none", found="chair", confidence=0.3, warnings=0)
 BOLD = replace(OTHER, confidence=0.8)
@@ -206,6 +216,7 @@ def test_summaries_by_hand() -> None:
     assert (rows["yaw_right", "symmetry half turn"].value, rows["yaw_right", "symmetry half turn"].n) == (0, 1)
     assert rows["right", "all"].value == pytest.approx(1 / 3)
     assert rows["category_right", "all"].value == pytest.approx(2 / 3)
+    assert rows["up_axis_right", "all"].value == pytest.approx(1 / 3)
     assert all(row.unit and row.frame for row in rows.values())
     found = reliability_of([FINE, TURNED, LOST, BOLD])
     assert found is not None

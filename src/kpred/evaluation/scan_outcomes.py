@@ -20,6 +20,8 @@ from kpred.evaluation.surfaces import Surface
 from kpred.evaluation.symmetry import yaw_between, yaw_error
 from kpred.fitting import Fit
 from kpred.fitting.fit_scan import fit
+from kpred.fitting.placement import up_axis
+from kpred.fitting.upright import upright_rotation
 from kpred.nn import Model
 from kpred.ops import Frame
 
@@ -59,6 +61,7 @@ class ScanOutcome:
         found: category of the result; model: id of its model.
         confidence: of the result, None where it was not judged; warnings: number of its warnings.
         yaw: error in degrees up to symmetry; milliseconds: that the fit took.
+        up: the axis that is found to point up if the scan lies with z up and nobody says so.
         unknown, known: errors of the results, None where there is none.
         result: mesh of the unknown fit in the true unit box, where it was asked for.
     """
@@ -74,6 +77,7 @@ class ScanOutcome:
     warnings: int = 0
     yaw: float | None = None
     milliseconds: float | None = None
+    up: str | None = None
     unknown: Errors | None = None
     known: Errors | None = None
     result: trimesh.Trimesh | None = None
@@ -82,6 +86,11 @@ class ScanOutcome:
     def category_right(self) -> bool:
         """Whether the result is of the true category."""
         return self.found == self.category
+
+    @property
+    def up_right(self) -> bool:
+        """Whether the up axis is found."""
+        return self.up == "z"
 
     @property
     def yaw_right(self) -> bool:
@@ -115,6 +124,8 @@ def measure_scan(target: ScanTarget, category: str, how: Fitting, keep_mesh: boo
     """Fit a target twice and measure both results; what a fit raises is told in the outcome, never raised."""
     found = tried(target.scan, how, up="y")
     truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
+    # The rotation takes z up to y up; from the right it takes y up to z up.
+    truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", how.model.recognizer)
     given = tried(target.known, how, frame="known", category=category, partial=True)
     known, known_failure = (None, given) if isinstance(given, str) else (_errors(given.mesh, target, how.seed), None)
     if isinstance(found, str):

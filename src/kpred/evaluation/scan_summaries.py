@@ -5,6 +5,7 @@ Metrics (`unknown`: nothing given but gravity; `known`: box, pose and category g
     ucd_visible_unknown, ucd_visible_known, ucd_visible_ratio   from what the camera saw, without noise
     distance_whole_unknown   mean distance from the whole true surface to the result
     yaw_right, yaw_error     within 15 degrees up to symmetry; also for each class of symmetry
+    up_axis_right            the scan with z up, and nobody says so; all axes are possible
     category_right           of all targets
     centre_error, size_error of the result's box
     right                    category and yaw right and the whole surface within 0.1 unit box on average
@@ -71,6 +72,7 @@ def _of_targets(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
         rows += scope.ratio(f"ucd_{name}_ratio", unknown, known, UNIT_BOX)
     rows += scope.mean("distance_whole_unknown", [errors.distance for errors in fitted], "unit box", UNIT_BOX)
     rows += _of_yaw(targets, scope)
+    rows += scope.share("up_axis_right", [target.up_right for target in targets], SCAN)
     rows += scope.share("category_right", [target.category_right for target in targets], SCAN)
     rows += scope.mean("centre_error", [errors.centre for errors in fitted], "longest side", UNIT_BOX)
     rows += scope.mean("size_error", [errors.size for errors in fitted], "longest side", UNIT_BOX)
