@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from kpred.ops.nearest_cpu import nearest_of_one
-from kpred.ops.weighted_sums_cpu import add_wanted, robust_weights, weighted_products
+from kpred.ops.weighted_sums_cpu import add_wanted, ranked, robust_weights, weighted_products
 from kpred.ops.worksharing import share_out
 
 
@@ -129,17 +129,10 @@ def _weigh(squared, size, robust, likely, weight):
         weight[i] = share[0, i] / size
     if len(likely):
         # The scale of mirrored points is by the median of the scan's.
-        scale = np.float32(_median(scan[0]) * stray + least)
+        scale = np.float32(ranked(scan[0].copy(), (size - 1) // 2) * stray + least)
         for i in range(len(likely)):
             ratio = scale / (scale + squared[size + i])
             weight[size + i] = likely[i] * ratio * ratio
-
-
-@numba.njit(cache=True, nogil=True)
-@no_type_check
-def _median(values):
-    middle = (len(values) - 1) // 2
-    return np.partition(values, middle)[middle]
 
 
 @numba.njit(cache=True, nogil=True)

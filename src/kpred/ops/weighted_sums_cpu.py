@@ -16,7 +16,7 @@ def robust_weights(squared, times, least, weight):
     """Fills `weight` (B, N) by `squared` (B, N); `times` is that of the median, `least` is added to the scale."""
     middle = (squared.shape[1] - 1) // 2
     for b in range(len(squared)):
-        scale = np.float32(_ranked(squared[b].copy(), middle) * times + least)
+        scale = np.float32(ranked(squared[b].copy(), middle) * times + least)
         for i in range(squared.shape[1]):
             share = scale / (scale + squared[b, i])
             weight[b, i] = share * share
@@ -24,7 +24,7 @@ def robust_weights(squared, times, least, weight):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _ranked(values, rank):
+def ranked(values, rank):
     """The value of this rank, counted from 0 (Hoare's selection); `values` are left in another order."""
     low, high = 0, len(values) - 1
     while low < high:
