@@ -22,9 +22,9 @@ TRAIN = TrainConfig(
 )  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def one_thread() -> Iterator[None]:
-    """Sums of floats depend on the number of threads; bit for bit needs one number."""
+    """Sums of floats depend on the number of threads; bit for bit needs one number, for what modules share too."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
