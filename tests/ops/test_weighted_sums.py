@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from kpred.ops import weighted_sums
-from kpred.ops.weighted_sums import add_wanted, robust_scale, robust_weights, weighted_products
+from kpred.ops.weighted_sums import add_wanted, deformed, robust_scale, robust_weights, weighted_products
 
 BATCH, POINTS, WANTED, COLUMNS = 3, 97, 50, 12
 
@@ -78,6 +78,16 @@ def test_products_are_those_of_the_weighted_columns(path: str, clouds: dict[str,
     weighted = clouds["across"].double() * weight[:, None]
     assert torch.allclose(found[..., :-3].double(), weighted @ columns, atol=1e-4)
     assert torch.allclose(found[..., -3:].double(), weighted @ (wanted - clouds["guess"].double()), atol=1e-4)
+
+
+def test_deformed_points_are_moved_through_the_basis(path: str, clouds: dict[str, Tensor]) -> None:
+    basis, displacement = clouds["across"].transpose(1, 2), clouds["places"][:, :COLUMNS]
+    moved = deformed(clouds["guess"], basis, displacement)
+    expected = clouds["guess"].double() + basis.double() @ displacement.double()
+    assert torch.allclose(moved.double(), expected, atol=1e-5)
+    free = displacement.clone().requires_grad_()
+    deformed(clouds["guess"], basis, free).sum().backward()
+    assert free.grad is not None and free.grad.abs().max() > 0
 
 
 def test_double_precision_stays_double(clouds: dict[str, Tensor]) -> None:

@@ -17,6 +17,7 @@ from kpred.fitting.reflection import reflect
 from kpred.fitting.warp import Warp
 from kpred.ops import squared_distances
 from kpred.ops.typing import Float
+from kpred.ops.weighted_sums import deformed
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Candidates:
         """S + B d, in its own box: scale * (S + B d) + shift, or as its cage warps it, (C, N, 3)."""
         if self.warped is not None:
             return self.warped
-        moved = self.points + self.basis @ self.displacement
+        moved = deformed(self.points, self.basis, self.displacement)
         if self.scale is not None:
             moved = self.scale[:, None] * moved
         return moved if self.shift is None else moved + self.shift[:, None]

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 import trimesh
 
-from kpred.database import Database
+from kpred.database import Database, Entry
 from kpred.errors import ConfigError
 from kpred.fitting.cage_refinement import with_cages
 from kpred.fitting.choice import order as least_risk_order
@@ -173,10 +173,10 @@ def fit(
         order = _order(chosen, errors + chosen.candidates.free_space_errors())
     with clock("mesh"):
         candidates = _candidates(chosen, feed_forward, refined_errors, order)
-        meshes = _meshes(chosen, candidates[0], order[0], store)
+        entry = store.entry(candidates[0].model_id)
+        meshes = _meshes(chosen, entry, order[0])
         metrics = _metrics(chosen, candidates[0], order[0], known)
-        rest = store.candidates(chosen.category, [candidates[0].model_id]).keypoints[0]
-        moved = chosen.candidates.result_of(order[0], rest.astype(np.float64), np.eye(len(rest)))
+        moved = chosen.candidates.result_of(order[0], entry.keypoints.astype(np.float64), np.eye(len(entry.keypoints)))
         keypoints = chosen.frame.from_unit(moved)
         if partial and floor is not None and not known:
             up_direction = chosen.frame.rotation[1]
@@ -282,11 +282,8 @@ def _category_errors(tried: Sequence[Hypothesis]) -> dict[str, float]:
     return errors
 
 
-def _meshes(
-    chosen: Hypothesis, best: Candidate, row: int, database: Database
-) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+def _meshes(chosen: Hypothesis, entry: Entry, row: int) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
     """The deformed mesh and the retrieved one, both in the scan's frame and units."""
-    entry = database.entry(best.model_id)
     vertices = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
     moved = chosen.candidates.result_of(row, vertices, entry.vertex_basis.astype(np.float64))
     place = chosen.frame.from_unit

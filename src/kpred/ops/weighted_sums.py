@@ -13,6 +13,7 @@ from kpred.ops.typing import Float, Int
 
 try:
     from kpred.ops import weighted_sums_cpu as compiled
+    from kpred.ops.worksharing import share_out
 except ImportError:  # numba is absent on machines that only train
     compiled = None  # type: ignore[assignment]
 
@@ -91,6 +92,21 @@ def weighted_products(
     weight = sums[..., 3:]
     residual = sums[..., :3] - weight * guess
     return across @ torch.cat([weight * across.transpose(1, 2), residual], dim=2)
+
+
+def deformed(
+    points: Float[Tensor, "batch points 3"],
+    basis: Float[Tensor, "batch points keypoints"],
+    displacement: Float[Tensor, "batch keypoints 3"],
+) -> Float[Tensor, "batch points 3"]:
+    """S + B d: points moved by the displacements of keypoints through a deformation basis (no gradient if compiled)."""
+    if not _is_compiled(points, basis, displacement) or displacement.requires_grad:
+        return points + basis @ displacement
+    moved = torch.empty_like(points, memory_format=torch.contiguous_format)
+    arrays = [part.contiguous().numpy() for part in (points, basis, displacement)]
+    steps = basis.numel() * 3
+    share_out(lambda first, last: compiled.deform(*arrays, moved.numpy(), first, last), len(points), steps)
+    return moved
 
 
 _NONE = torch.empty(0, 0, dtype=torch.long)

@@ -88,3 +88,18 @@ def weighted_products(across, guess, sums, found):
                 for i in range(points):
                     total += across[b, e, i] * residual[axis, i]
                 found[b, e, columns + axis] = total
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
+@no_type_check
+def deform(points, basis, displacement, moved, first, last):
+    """Fills `moved` with points (B, N, 3) + basis (B, N, K) @ displacement (B, K, 3), for some of the batch."""
+    for b in range(first, last):
+        for i in range(points.shape[1]):
+            x, y, z = points[b, i, 0], points[b, i, 1], points[b, i, 2]
+            for k in range(basis.shape[2]):
+                share = basis[b, i, k]
+                x += share * displacement[b, k, 0]
+                y += share * displacement[b, k, 1]
+                z += share * displacement[b, k, 2]
+            moved[b, i, 0], moved[b, i, 1], moved[b, i, 2] = x, y, z
