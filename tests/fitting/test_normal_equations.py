@@ -6,6 +6,8 @@ import torch
 from kpred.fitting.normal_equations import NormalEquations, with_box
 
 CANDIDATES, POINTS, KEYPOINTS = 2, 60, 5
+ROWS = torch.arange(POINTS).expand(CANDIDATES, -1)
+"""Every point of every candidate, in their order."""
 
 
 @pytest.fixture
@@ -37,7 +39,7 @@ def _cost(problem: tuple[torch.Tensor, ...], found: tuple[torch.Tensor, ...], bo
 def test_nothing_near_the_solution_is_better(problem: tuple, box: str, generator: torch.Generator) -> None:
     basis, guess, wanted, weight, held = problem
     equations = NormalEquations(basis if box == "fixed" else with_box(basis, guess), guess)
-    equations.add(wanted, weight)
+    equations.add_at(ROWS, wanted, weight)
     found = equations.solve(held, box, 0.7)
     best = _cost(problem, found, 0.7)
     for _ in range(30):
@@ -53,18 +55,18 @@ def test_nothing_near_the_solution_is_better(problem: tuple, box: str, generator
 def test_similarity_has_one_scale(problem: tuple) -> None:
     basis, guess, wanted, weight, held = problem
     equations = NormalEquations(with_box(basis, guess), guess)
-    equations.add(wanted, weight)
+    equations.add_at(ROWS, wanted, weight)
     _, scale, _ = equations.solve(held, "similarity", 0.1)
     assert torch.allclose(scale, scale[:, :1].expand(-1, 3))
     _, scale, _ = equations.solve(held, "per_axis", 0.1)
     assert (scale[:, 0] - scale[:, 1]).abs().min() > 0.02
 
 
-def test_points_by_index_are_the_points_themselves(problem: tuple) -> None:
+def test_the_order_of_what_is_wanted_does_not_matter(problem: tuple) -> None:
     basis, guess, wanted, weight, held = problem
     order = torch.arange(POINTS).flip(0).expand(CANDIDATES, -1)
     all_at_once, by_index = NormalEquations(basis, guess), NormalEquations(basis, guess)
-    all_at_once.add(wanted, weight)
+    all_at_once.add_at(ROWS, wanted, weight)
     by_index.add_at(order, wanted[:, order[0]], weight[:, order[0]])
     assert torch.allclose(all_at_once.normal, by_index.normal)
     assert torch.allclose(all_at_once.right, by_index.right)
@@ -74,5 +76,5 @@ def test_level_is_the_keypoints_own(problem: tuple) -> None:
     basis, guess, wanted, weight, _ = problem
     plain, boxed = NormalEquations(basis, guess), NormalEquations(with_box(basis, 100 * guess), guess)
     for equations in (plain, boxed):
-        equations.add(wanted, weight)
+        equations.add_at(ROWS, wanted, weight)
     assert torch.allclose(plain.level(KEYPOINTS), boxed.level(KEYPOINTS))

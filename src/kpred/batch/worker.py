@@ -150,7 +150,7 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
     import torch
 
     from kpred.errors import KpredError
-    from kpred.fitting.fit_scan import MOST_POINTS, SCAN_POINTS, _subsample
+    from kpred.fitting.fit_scan import MOST_POINTS, SCAN_POINTS, subsample
     from kpred.fitting.observation import EncodedAhead
     from kpred.fitting.resources import as_model
     from kpred.nn import Model
@@ -163,7 +163,7 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
             continue
         with suppress(KpredError, OSError):
             scan = check_points(read_scan(task.path), task.path)
-            points = _subsample(scan, MOST_POINTS, seed=0)[:SCAN_POINTS]  # those that the fit will take
+            points = subsample(scan, MOST_POINTS, seed=0)[:SCAN_POINTS]  # those that the fit will take
             groups.setdefault((category, len(points)), {})[task.name] = scan, points
     model = as_model(_model(settings, device))
     found: dict[str, ReadAhead] = {}

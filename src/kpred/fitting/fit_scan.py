@@ -109,7 +109,7 @@ def fit(
     with clock("read"):
         name = "scan" if isinstance(scan, np.ndarray) else str(scan)
         cloud = scan if isinstance(scan, np.ndarray) else read_scan(scan, seed=seed)
-        points = _subsample(check_points(np.asarray(cloud, dtype=np.float64), name), MOST_POINTS, seed)
+        points = subsample(check_points(np.asarray(cloud, dtype=np.float64), name), MOST_POINTS, seed)
         scan_size = len(points)
     known = frame == "known"
     with clock("load"):
@@ -238,7 +238,7 @@ def _sensors(sensor: np.ndarray) -> np.ndarray:
     return places
 
 
-def _subsample(points: np.ndarray, most: int, seed: int) -> np.ndarray:
+def subsample(points: np.ndarray, most: int, seed: int) -> np.ndarray:
     """At most `most` points, in random order, so that the first ones are a fair sample too."""
     return points[np.random.default_rng(seed).permutation(len(points))[:most]]
 

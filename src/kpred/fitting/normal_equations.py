@@ -43,11 +43,6 @@ class NormalEquations:
         self._wanted = self.guess.new_zeros(*self.guess.shape[:2], 4)
         self._products: Tensor | None = None
 
-    def add(self, wanted: Float[Tensor, "candidates points 3"], weight: Float[Tensor, "candidates points"]) -> None:
-        """Each point should be where it is wanted."""
-        add_wanted(self._wanted, wanted, weight)
-        self._products = None
-
     def add_at(
         self,
         index: Int[Tensor, "candidates wanted"],

@@ -1,4 +1,5 @@
-"""What least squares between matched clouds sums up: robust weights, wanted places of points, and their products.
+"""What least squares between matched clouds sums up: robust weights, wanted places of points, and their products; and
+points moved through a deformation basis, which is what is fitted.
 
 Each has two paths that agree within rounding: plain torch (reference, GPU, double precision), and compiled kernels on
 the CPU in single precision (`kpred.ops.weighted_sums_cpu`), where small tensors cost torch more than the arithmetic.

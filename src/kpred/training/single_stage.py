@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
@@ -42,7 +43,7 @@ class SingleStageConfig:
         return dataclasses.asdict(self)
 
 
-class SingleStage(Generic[Settings]):
+class SingleStage(ABC, Generic[Settings]):
     """A network's only stage, in the form that the training loop wants; what is left to write is `losses`.
 
     Attributes:
@@ -71,6 +72,6 @@ class SingleStage(Generic[Settings]):
     def start(self) -> None:
         """Nothing to do."""
 
+    @abstractmethod
     def losses(self, step: int, generator: torch.Generator) -> dict[str, torch.Tensor]:
         """Loss terms of one random batch."""
-        raise NotImplementedError
