@@ -72,6 +72,11 @@ def perform(job: dict[str, Any], world: World) -> dict[str, Any]:
     return {"weights": network.state_dict(), "steps": steps}
 
 
+def thread_names() -> list[str]:
+    """Of this process, as Linux knows them; none elsewhere."""
+    return [name.read_text().strip() for name in Path("/proc/self/task").glob("*/comm")]
+
+
 def main() -> None:
     jobs_file, rank, size = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     torch.set_num_threads(1)
@@ -84,6 +89,7 @@ def main() -> None:
             answer = {"stopped": f"{type(error).__name__}: {error}"}
         except (KeyboardInterrupt, Exception) as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
+        answer["threads"] = thread_names()
         Path(f"{jobs_file}.{job['name']}.{rank}").write_bytes(pickle.dumps(answer))
 
 

@@ -137,8 +137,10 @@ def test_a_wild_batch_of_one_is_skipped_by_all(found) -> None:
 
 
 def test_an_error_of_one_ends_all_and_is_told_once(found) -> None:
-    assert found["error"][1] == {"error": "ValueError: this batch is broken"}
-    assert found["error"][0] == {"stopped": "StoppedElsewhereError: Another process of this training failed."}
+    assert found["error"][1]["error"] == "ValueError: this batch is broken"
+    assert found["error"][0]["stopped"] == "StoppedElsewhereError: Another process of this training failed."
+    assert "stopped" not in found["error"][1]
+    assert "error" not in found["error"][0]
     assert "error" in found["first"][0]
     assert "stopped" in found["first"][1]
 
@@ -157,6 +159,13 @@ def test_killed_and_resumed_is_as_if_it_had_not_been(found) -> None:
     assert found["resumed"][0]["steps"] == [3, 4, 5]
     for weights in _weights(found, "resumed"):
         assert _equal(weights, _weights(found, "whole")[0])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of threads are read from /proc")
+def test_no_thread_outlives_the_meeting(found) -> None:
+    answers = [answer for pair in found.values() for answer in pair if answer is not None]
+    assert all(answer["threads"] for answer in answers)
+    assert [name for answer in answers for name in answer["threads"] if "gloo" in name] == []
 
 
 def test_another_number_of_processes_is_refused(found, place: Path, data, model_config, train_config) -> None:

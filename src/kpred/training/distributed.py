@@ -7,6 +7,7 @@ process says how it fares at the same places (`World.agree`, on the CPU); tensor
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -208,6 +209,9 @@ def joined(rank: int, size: int, device: torch.device | str, start: str = "env:/
         yield ALONE
         return
     backend = "cpu:gloo,cuda:nccl" if torch.device(device).type == "cuda" else "gloo"
+    # Its functions keep the group of the time of their import as a default. Imported later (optimisers do), they would keep
+    # the group and its threads alive beyond the interpreter, whose end then sometimes aborts the process.
+    importlib.import_module("torch.distributed.nn.functional")
     try:
         dist.init_process_group(backend, init_method=start, rank=rank, world_size=size, timeout=PATIENCE)
     except (RuntimeError, ValueError) as error:
