@@ -67,7 +67,7 @@ def target(database: kpred.Database) -> torch.Tensor:
 
 def test_a_warp_that_is_not_affine_is_found(database: kpred.Database, target: torch.Tensor) -> None:
     before = _candidates(database, target).refined(CONFIG)
-    caged, errors = with_cages(before, before.errors(), database, CONFIG)
+    caged, errors, _ = with_cages(before, before.errors(), database, CONFIG)
     again = _mesh_sample(database, before.model_ids[0], lambda v: _taller_seat(torch.from_numpy(v)).numpy(), seed=6)
     floor = chamfer_distance(target[None], again[None])[0]
     assert errors[0] < 1.25 * floor < 0.8 * before.errors()[0]
@@ -80,7 +80,7 @@ def test_a_warp_that_is_not_affine_is_found(database: kpred.Database, target: to
 
 def test_what_is_measured_is_the_mesh_that_is_delivered(database: kpred.Database, target: torch.Tensor) -> None:
     before = _candidates(database, target).refined(CONFIG)
-    caged, errors = with_cages(before, before.errors(), database, CONFIG)
+    caged, errors, _ = with_cages(before, before.errors(), database, CONFIG)
     row = int(errors.argmin())
     entry = database.entry(caged.model_ids[row])
     mesh = _mesh_sample(database, entry.model_id, lambda v: caged.result_of(row, v, entry.vertex_basis), seed=7)
@@ -102,7 +102,7 @@ def test_a_model_of_many_faces_moves_by_its_points(
 
 def test_a_very_stiff_cage_leaves_lines_straight(database: kpred.Database, target: torch.Tensor) -> None:
     before = _candidates(database, target).refined(CONFIG)
-    caged, _ = with_cages(before, before.errors(), database, replace(CONFIG, cage_smoothness=1e3))
+    caged, _, _ = with_cages(before, before.errors(), database, replace(CONFIG, cage_smoothness=1e3))
     warp = next(warp for warp in caged.warps or () if warp is not None)
     ends = np.array([[-0.5, -1.0, -0.5], [0.4, 1.0, 0.5]])
     share = np.linspace(0, 1, 9)[:, None]
@@ -116,7 +116,7 @@ def test_a_strong_mirror_keeps_the_warp_symmetric(database: kpred.Database, targ
     cost = []
     for weight in (0.0, 1e3):
         before = _candidates(database, shoved).refined(CONFIG)
-        caged, _ = with_cages(before, before.errors(), database, replace(CONFIG, cage_symmetry=weight))
+        caged, _, _ = with_cages(before, before.errors(), database, replace(CONFIG, cage_symmetry=weight))
         moved = next(warp for warp in caged.warps or () if warp is not None).displacement
         cost.append(float(torch.einsum("ia,aij,ja->", moved, form, moved)))
     assert cost[1] < 1e-4 * cost[0]
@@ -127,7 +127,7 @@ def test_of_a_partial_scan_the_unseen_stays_where_the_keypoints_put_it(
 ) -> None:
     seen = target[target[:, 1] > 0.1]
     before = _candidates(database, seen, partial=True)
-    caged, errors = with_cages(before, before.errors(), database, CONFIG)
+    caged, errors, _ = with_cages(before, before.errors(), database, CONFIG)
     rows = [row for row, warp in enumerate(caged.warps or ()) if warp is not None]
     assert len(rows) == 1
     assert errors[rows[0]] < before.errors()[rows[0]]
@@ -138,7 +138,7 @@ def test_of_a_partial_scan_the_unseen_stays_where_the_keypoints_put_it(
 
 def test_a_cage_goes_with_its_candidate(database: kpred.Database, target: torch.Tensor) -> None:
     before = _candidates(database, target).refined(CONFIG)
-    caged, _ = with_cages(before, before.errors(), database, CONFIG)
+    caged, _, _ = with_cages(before, before.errors(), database, CONFIG)
     turned = caged.take(torch.tensor([2, 0]))
     assert torch.equal(turned.deformed(), caged.deformed()[[2, 0]])
     assert (turned.warps or ())[1] is (caged.warps or ())[0]

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from kpred.fitting import refine
-from kpred.fitting.cage_cpu import match, newton_rounds
+from kpred.fitting.cage_cpu import fitted_cage, match
 from kpred.fitting.refine import Hints, Refined, refine_candidates
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.reflection import reflect
@@ -57,57 +57,56 @@ def test_refinement_is_that_of_plain_torch(
     assert torch.equal(compiled.scale, plain.scale) and torch.equal(compiled.shift, plain.shift)
 
 
+def _wanted(moved: torch.Tensor, goal: torch.Tensor, turn: int, every: int, partial: bool) -> torch.Tensor:
+    """What `match` says, written out."""
+    sums = torch.zeros(len(moved), 4)
+    asked = goal[turn::every]
+    squared, index = nearest_reference(asked[None], moved[None])
+    weight = geman_mcclure(squared, robust_scale(squared, 5.0))[0] / len(asked)
+    for row, place, share in zip(index[0], asked, weight, strict=True):
+        sums[row] += torch.cat([place * share, share[None]])
+    if not partial:
+        rows = range(turn, len(moved), every)
+        squared, index = nearest_reference(moved[None, turn::every], goal[None])
+        weight = geman_mcclure(squared, robust_scale(squared, 5.0))[0] / len(rows)
+        for row, other, share in zip(rows, index[0], weight, strict=True):
+            sums[row] += torch.cat([goal[other] * share, share[None]])
+    return sums
+
+
 @pytest.mark.parametrize("partial", [False, True])
 def test_matches_of_a_cage_are_those_of_a_slow_reference(partial: bool, generator: torch.Generator) -> None:
-    moved, goal = torch.rand(2, 150, 3, generator=generator), torch.rand(130, 3, generator=generator)
-    found = match(moved.numpy(), goal.numpy(), 1, 3, 25.0, LEAST_SCALE, partial)
-    for cage, sums in zip(moved, torch.from_numpy(found), strict=True):
-        expected = torch.zeros(150, 4)
-        asked = goal[1::3]
-        squared, index = nearest_reference(asked[None], cage[None])
-        weight = geman_mcclure(squared, robust_scale(squared, 5.0))[0] / len(asked)
-        for row, place, share in zip(index[0], asked, weight, strict=True):
-            expected[row] += torch.cat([place * share, share[None]])
-        if not partial:
-            squared, index = nearest_reference(cage[None, 1::3], goal[None])
-            weight = geman_mcclure(squared, robust_scale(squared, 5.0))[0] / 50
-            for row, other, share in zip(range(1, 150, 3), index[0], weight, strict=True):
-                expected[row] += torch.cat([goal[other] * share, share[None]])
-        assert torch.allclose(sums, expected, atol=1e-6)
+    moved, goal = torch.rand(150, 3, generator=generator), torch.rand(130, 3, generator=generator)
+    found = np.full((150, 4), np.nan, np.float32)
+    match(moved.numpy(), goal.numpy(), 1, 3, 25.0, LEAST_SCALE, partial, found)
+    assert torch.allclose(torch.from_numpy(found), _wanted(moved, goal, 1, 3, partial), atol=1e-6)
 
 
 @pytest.mark.parametrize("partial", [False, True])
 @pytest.mark.parametrize("rounds", [1, 3])
 def test_rounds_of_a_cage_are_those_of_a_slow_reference(partial: bool, rounds: int, generator: torch.Generator) -> None:
-    columns = torch.rand(2, 90, 8, generator=generator)
-    few, goal = torch.rand(2, 90, 3, generator=generator), torch.rand(80, 3, generator=generator)
-    held = 0.01 * torch.rand(2, 90, generator=generator)
-    start = few + 0.05 * torch.rand(2, 90, 3, generator=generator)
+    columns = torch.rand(90, 8, generator=generator)
+    source, goal = torch.rand(90, 3, generator=generator), torch.rand(80, 3, generator=generator)
+    held = 0.01 * torch.rand(90, generator=generator)
+    start = source + 0.05 * torch.rand(90, 3, generator=generator)
     stiff = torch.diag_embed(torch.rand(3, 8, generator=generator).double() + 0.1)
-
-    def wanted_at(moved: torch.Tensor, turn: int) -> torch.Tensor:
-        sums = torch.from_numpy(match(moved.numpy(), goal.numpy(), turn % 2, 2, 16.0, LEAST_SCALE, partial))
-        return sums + torch.cat([start * held[..., None], held[..., None]], dim=2)
-
-    first = wanted_at(start, 0)
-    normal = (columns.transpose(1, 2) @ (columns * first[..., 3:])).double()[:, None] + stiff
-    factor = torch.linalg.cholesky(normal).contiguous()
-    across = columns.transpose(1, 2).contiguous()
-    arrays = (across, few, start, held, goal, first, stiff, factor)
-    found = newton_rounds(
-        *(part.numpy() for part in arrays),
+    found = fitted_cage(
+        *(part.numpy() for part in (columns, source, start, held, goal, stiff)),
         rounds=rounds,
         asked_in_turn=2,
-        robust=16.0,
+        robust=25.0,
         least=LEAST_SCALE,
         partial=partial,
     )
-    expected, moved, sums = torch.zeros(2, 3, 8, dtype=torch.float64), few, first
+    expected, moved, across = torch.zeros(3, 8, dtype=torch.float64), source, columns.T.double()
     for turn in range(rounds):
-        sums = wanted_at(moved, turn) if turn else sums
-        residual = (sums[..., :3] - sums[..., 3:] * moved).double()
-        pull = (columns.transpose(1, 2).double() @ residual).transpose(1, 2)[..., None] - stiff @ expected[..., None]
+        sums = _wanted(moved if turn else start, goal, turn % 2, 2, partial)
+        sums += torch.cat([start * held[:, None], held[:, None]], dim=1)
+        if turn == 0:
+            normal = (across @ (columns * sums[:, 3:]).double()) + stiff
+        residual = (sums[:, :3] - sums[:, 3:] * moved).double()
+        pull = (across @ residual).T[..., None] - stiff @ expected[..., None]
         expected = expected + torch.linalg.solve(normal, pull)[..., 0]
-        moved = few + (columns.double() @ expected.transpose(1, 2)).float()
-    assert np.allclose(found, expected.transpose(1, 2), atol=2e-4)
+        moved = source + (columns.double() @ expected.T).float()
+    assert np.allclose(found, expected.T, atol=2e-4)
     assert np.abs(found).max() > 0.005

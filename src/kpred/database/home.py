@@ -58,6 +58,10 @@ class Home(Protocol):
         """A value that changes whenever somebody else has written."""
         ...
 
+    def glance(self) -> object | None:
+        """What `version` would say, without a transaction; None where it cannot be told quickly."""
+        ...
+
     def index(self, connection: Connection, category: str, progress: Progress | None = None) -> Index | None:
         """What the models of a category are searched by, or None when there is no such category."""
         ...

@@ -161,6 +161,10 @@ class PostgresHome:
         """See `Home`."""
         return connection.scalar(text("SELECT value FROM info WHERE key = 'content'"))
 
+    def glance(self) -> object | None:
+        """See `Home`; a server must be asked."""
+        return None
+
     def bytes(self, connection: Connection) -> int:
         """Of the tables and their indices."""
         sizes = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -34,6 +35,8 @@ class SqliteHome:
         self.path = path
         self.read_only = read_only
         self._engine = open_file(path, read_only, timeout)
+        with self._engine.connect() as connection:  # the only one there is
+            self._driver: sqlite3.Connection = connection.connection.driver_connection  # type: ignore[assignment]
         self._tables: dict[str, TokenTable] = {}
 
     @contextmanager
@@ -58,6 +61,13 @@ class SqliteHome:
     def version(self, connection: Connection) -> object:
         """See `Home`."""
         return connection.exec_driver_sql("PRAGMA data_version").scalar_one()
+
+    def glance(self) -> object | None:
+        """See `Home`."""
+        try:
+            return self._driver.execute("PRAGMA data_version").fetchone()[0]
+        except sqlite3.Error:  # a transaction will tell what is wrong
+            return None
 
     def bytes(self, connection: Connection) -> int:
         """Of the file."""

@@ -231,6 +231,10 @@ class Database:
         wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
         if not wanted:
             raise DatabaseError(f"Database {self.path}: no candidates were asked for; name at least one model.")
+        with self._kept() as up_to_date:
+            found = self._arrays.get(wanted) if up_to_date else {}
+            if all(name in found for name in wanted):
+                return stacked(category, wanted, found, str(self.path))
         with self._transaction() as connection:  # which forgets what is out of date
             found = self._arrays.get(wanted)
             missing = [name for name in dict.fromkeys(wanted) if name not in found]
@@ -331,7 +335,16 @@ class Database:
             self._arrays.clear()
             self._entries.clear()
 
+    @contextmanager
+    def _kept(self) -> Iterator[bool]:
+        """Whether what is kept in memory is up to date, as far as can be told without a transaction."""
+        with self._lock:
+            yield self._open and self._version is not None and self._home.glance() == self._version
+
     def _index(self, category: str, progress: Progress | None = None) -> Index:
+        with self._kept() as up_to_date:
+            if up_to_date and category in self._indices:
+                return self._indices[category]
         with self._transaction() as connection:
             version = self._version
             index = self._indices.get(category) or self._home.index(connection, category, progress)
@@ -345,6 +358,10 @@ class Database:
             return index
 
     def _read_entry(self, model_id: str) -> Entry | None:
+        with self._kept() as up_to_date:
+            entry = self._entries.get([model_id]).get(model_id) if up_to_date else None
+            if entry is not None:
+                return entry
         with self._transaction() as connection:  # which forgets what is out of date
             version = self._version
             entry = self._entries.get([model_id]).get(model_id)

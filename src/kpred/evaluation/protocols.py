@@ -147,7 +147,7 @@ class _Sheet:
         """The best of the first k, keypoints refined, then cages, as a fit of top k does."""
         for k in bench.top_k:
             refined = candidates.refined(bench.refinement, torch.arange(min(k, len(candidates.points))))
-            caged, _ = with_cages(refined, refined.errors(), bench.database, bench.refinement)
+            caged, _, _ = with_cages(refined, refined.errors(), bench.database, bench.refinement)
             self.best(metric, caged, (k,))
 
 

@@ -15,6 +15,7 @@ from kpred.fitting.refine import Refined, refine_candidates
 from kpred.fitting.refine_config import RefineConfig
 from kpred.nn import KPRed
 from kpred.ops.chamfer import squared_distances
+from kpred.ops.sampling import at_even_steps
 from kpred.ops.typing import Float, Int
 
 
@@ -86,19 +87,15 @@ class ScanBatch:
     def errors(self, most: int | None = None) -> Float[Tensor, "scans models"]:
         """CD or, for partial scans, UCD; unit box squared; infinite for those that refinement gave up.
 
-        `most` bounds the points used of each cloud.
+        `most` bounds the points of each cloud that are asked for; they are always searched among all of the other.
         """
         if self.finalists is not None:
             errors = torch.full_like(self.distances, torch.inf)
             return errors.scatter(1, self.finalists, self.take(self.finalists).errors(most))
-        result, goal = self.deformed(), self.targets
-        if most is not None:
-            result = result[:, :, :: max(1, result.shape[2] // most)]
-            goal = goal[:, :: max(1, goal.shape[1] // most)]
         scans, models = self.rows.shape
-        flat, goals = result.flatten(0, 1), goal.repeat_interleave(models, 0)
-        forth = squared_distances(goals, flat).mean(1)
-        total = forth if self.partial else forth + squared_distances(flat, goals).mean(1)
+        result, goal = self.deformed().flatten(0, 1), self.targets.repeat_interleave(models, 0)
+        forth = squared_distances(at_even_steps(goal, most), result).mean(1)
+        total = forth if self.partial else forth + squared_distances(at_even_steps(result, most), goal).mean(1)
         return total.view(scans, models)
 
     def refined(self, config: RefineConfig) -> ScanBatch:

@@ -1,4 +1,4 @@
-"""Rounds of cage refinement compiled for the CPU; cages are shared among threads."""
+"""Cage refinement compiled for the CPU: all rounds of one cage in one call; cages are shared among threads."""
 
 from __future__ import annotations
 
@@ -9,45 +9,81 @@ import numpy as np
 
 from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.ops.weighted_sums_cpu import add_wanted, robust_weights
-from kpred.ops.worksharing import share_out
 
 FASTMATH = {"nnan", "nsz", "contract", "reassoc"}
 
 
-def match(
-    moved: np.ndarray, goal: np.ndarray, turn: int, asked_in_turn: int, robust: float, least: float, partial: bool
+def fitted_cage(
+    columns: np.ndarray,
+    source: np.ndarray,
+    start: np.ndarray,
+    held: np.ndarray,
+    goal: np.ndarray,
+    stiff: np.ndarray,
+    *,
+    rounds: int,
+    asked_in_turn: int,
+    robust: float,
+    least: float,
+    partial: bool,
 ) -> np.ndarray:
-    """Where points are wanted, times weight, and the weight, (C, N, 4), by those points of both sides whose turn it is.
+    """Displacements (L, 3) of a cage's control points after `rounds` of matches and least squares; unit box, float32.
 
     Args:
-        moved: (C, N, 3); goal: (M, 3); float32, unit box.
-        turn, asked_in_turn: the first row that is asked, and the step to the next ones.
+        columns: (N, L) weights of the control points at the source's points; source: (N, 3).
+        start: (N, 3) where the first matches are taken, and where points that are not seen stay; held: (N,) with which
+            weight.
+        goal: (M, 3) of the scan; stiff: (3, L, L) stiffness for x, y and z, float64.
+        asked_in_turn: every round asks for so many-th of the points of both sides, the next round for the next.
         robust: squared multiple of the median distance, 0 for equal weights; least: least squared scale.
         partial: whether only the goal's points search.
     """
-    sums = np.zeros((*moved.shape[:2], 4), np.float32)
-    share_out(
-        lambda first, last: _match(moved, goal, turn, asked_in_turn, robust, least, partial, sums, first, last),
-        len(moved),
-        len(moved) * moved.shape[1] * len(goal) // asked_in_turn,
-    )
-    return sums
+    arrays = (np.ascontiguousarray(array) for array in (columns.T, source, start, held, goal, stiff))
+    return _fitted(*arrays, rounds, asked_in_turn, robust, least, partial)
 
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _match(moved, goal, turn, asked_in_turn, robust, least, partial, sums, first, last):
-    asked = goal[turn::asked_in_turn].copy()
-    rows = np.arange(turn, moved.shape[1], asked_in_turn).reshape(1, -1)
+def _fitted(across, source, start, held, goal, stiff, rounds, asked_in_turn, robust, least, partial):
+    controls, points = across.shape
+    displacement = np.zeros((controls, 3), np.float32)
+    wanted = np.empty((points, 4), np.float32)
+    factor = np.empty((3, controls, controls))
+    # Only the matches of the first round are those of the keypoints' result: the warp begins at the source.
+    moved = start.copy()
+    for turn in range(rounds):
+        match(moved, goal, turn % asked_in_turn, asked_in_turn, robust, least, partial, wanted)
+        for i in range(points):
+            for axis in range(3):
+                wanted[i, axis] += held[i] * start[i, axis]
+            wanted[i, 3] += held[i]
+        if turn == 0:
+            moved = source.copy()
+            # Later rounds' normal matrices are close to this.
+            normal = _normal(across, wanted)
+            for axis in range(3):
+                _cholesky(normal, stiff[axis], factor[axis])
+        _newton(across, source, wanted, stiff, factor, displacement, moved)
+    return displacement
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def match(moved, goal, turn, asked_in_turn, robust, least, partial, wanted):
+    """Fills `wanted` (N, 4): where points `moved` (N, 3) should be, times weight, and the weight.
+
+    By those points of both sides whose turn it is; `fitted_cage` says what the arguments are.
+    """
+    wanted[:] = 0
+    sums = wanted.reshape(1, -1, 4)
     none = np.empty((0, 0), np.int64)
-    for c in range(first, last):
-        squared, index = nearest_of_one(asked, moved[c])
-        weight = _shares(squared, robust, least)
-        add_wanted(sums[c : c + 1], asked.reshape(1, -1, 3), weight, index.reshape(1, -1), none)
-        if not partial:
-            squared, index = nearest_of_one(moved[c, turn::asked_in_turn].copy(), goal)
-            weight = _shares(squared, robust, least)
-            add_wanted(sums[c : c + 1], goal.reshape(1, -1, 3), weight, rows, index.reshape(1, -1))
+    asked = goal[turn::asked_in_turn].copy()
+    squared, index = nearest_of_one(asked, moved)
+    add_wanted(sums, asked.reshape(1, -1, 3), _shares(squared, robust, least), index.reshape(1, -1), none)
+    if not partial:
+        rows = np.arange(turn, len(moved), asked_in_turn).reshape(1, -1)
+        squared, index = nearest_of_one(moved[turn::asked_in_turn].copy(), goal)
+        add_wanted(sums, goal.reshape(1, -1, 3), _shares(squared, robust, least), rows, index.reshape(1, -1))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -59,106 +95,72 @@ def _shares(squared, robust, least):
     return weight / np.float32(len(squared))
 
 
-def newton_rounds(
-    across: np.ndarray,
-    few: np.ndarray,
-    start: np.ndarray,
-    held: np.ndarray,
-    goal: np.ndarray,
-    wanted: np.ndarray,
-    stiff: np.ndarray,
-    factor: np.ndarray,
-    *,
-    rounds: int,
-    asked_in_turn: int,
-    robust: float,
-    least: float,
-    partial: bool,
-) -> np.ndarray:
-    """Displacements (C, L, 3) of the control points after `rounds` of least squares, with new matches between them.
-
-    Args:
-        across: (C, L, N) transposed weights of the control points; few: (C, N, 3) the source.
-        start: (C, N, 3) where points that are not seen stay, held: (C, N) with which weight.
-        goal: (M, 3) of the scan; wanted: (C, N, 4), that of the first round: `match` and what is held.
-        stiff: (3, L, L) stiffness for x, y and z, float64.
-        factor: (C, 3, L, L) lower triangular, float64, of the first round's normal matrix: later rounds' are close.
-        asked_in_turn, robust, least, partial: as for `match`.
-    """
-    displacement = np.zeros((len(few), across.shape[1], 3), np.float32)
-    share_out(
-        lambda first, last: _rounds(
-            across,
-            few,
-            start,
-            held,
-            goal,
-            wanted,
-            stiff,
-            factor,
-            rounds,
-            asked_in_turn,
-            robust,
-            least,
-            partial,
-            displacement,
-            first,
-            last,
-        ),  # fmt: skip
-        len(few),
-        len(few) * rounds * few.shape[1] * len(goal) // asked_in_turn,
-    )
-    return displacement
-
-
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
-def _rounds(
-    across, few, start, held, goal, wanted, stiff, factor,
-    rounds, asked_in_turn, robust, least, partial, displacement, first, last,
-):  # fmt: skip
-    for c in range(first, last):
-        one = slice(c, c + 1)
-        # Only the matches of the first round are those of the keypoints' result: the warp begins at the source.
-        moved, sums = few[one].copy(), wanted[one].copy()
-        for turn in range(rounds):
-            if turn > 0:
-                sums[:] = 0
-                _match(moved, goal, turn % asked_in_turn, asked_in_turn, robust, least, partial, sums, 0, 1)
-                for i in range(few.shape[1]):
-                    for axis in range(3):
-                        sums[0, i, axis] += held[c, i] * start[c, i, axis]
-                    sums[0, i, 3] += held[c, i]
-            _newton(across[one], few[one], moved, sums, stiff, factor[one], displacement[one], moved, 0, 1)
+def _normal(across, wanted):
+    """Lower half (L, L) of A^T W A."""
+    controls, points = across.shape
+    normal = np.empty((controls, controls), np.float32)
+    weighted = np.empty(points, np.float32)
+    for k in range(controls):
+        for i in range(points):
+            weighted[i] = across[k, i] * wanted[i, 3]
+        for j in range(k + 1):
+            total = np.float32(0)
+            for i in range(points):
+                total += weighted[i] * across[j, i]
+            normal[k, j] = total
+    return normal
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
-def _newton(across, few, now, wanted, stiff, factor, displacement, moved, first, last):
-    controls, points = across.shape[1:]
-    residual = np.empty(points, np.float32)
-    pull = np.empty(controls)
-    for c in range(first, last):
-        for axis in range(3):
-            for i in range(points):
-                residual[i] = wanted[c, i, axis] - wanted[c, i, 3] * now[c, i, axis]
-            for k in range(controls):
-                total = np.float32(0)
-                for i in range(points):
-                    total += across[c, k, i] * residual[i]
-                held = 0.0
-                for j in range(controls):
-                    held += stiff[axis, k, j] * displacement[c, j, axis]
-                pull[k] = total - held
-            _solve(factor[c, axis], pull)
-            for k in range(controls):
-                displacement[c, k, axis] += pull[k]
-            residual[:] = few[c, :, axis]
-            for k in range(controls):
-                shift = displacement[c, k, axis]
-                for i in range(points):
-                    residual[i] += shift * across[c, k, i]
-            moved[c, :, axis] = residual
+def _cholesky(normal, stiff, factor):
+    """Fills the lower half of `factor` (L, L) with that of normal + stiff, float64."""
+    for i in range(len(factor)):
+        for j in range(i + 1):
+            total = normal[i, j] + stiff[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            factor[i, j] = np.sqrt(total) if i == j else total / factor[j, j]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
+@no_type_check
+def _newton(across, source, wanted, stiff, factor, displacement, moved):
+    controls, points = across.shape
+    # The columns are what takes long to read: all three axes at once.
+    x, y, z = np.empty(points, np.float32), np.empty(points, np.float32), np.empty(points, np.float32)
+    pull = np.empty((3, controls))
+    for i in range(points):
+        weight = wanted[i, 3]
+        x[i] = wanted[i, 0] - weight * moved[i, 0]
+        y[i] = wanted[i, 1] - weight * moved[i, 1]
+        z[i] = wanted[i, 2] - weight * moved[i, 2]
+    for k in range(controls):
+        along, up, out = np.float32(0), np.float32(0), np.float32(0)
+        for i in range(points):
+            along += across[k, i] * x[i]
+            up += across[k, i] * y[i]
+            out += across[k, i] * z[i]
+        pull[0, k], pull[1, k], pull[2, k] = along, up, out
+    for axis in range(3):
+        for k in range(controls):
+            held = 0.0
+            for j in range(controls):
+                held += stiff[axis, k, j] * displacement[j, axis]
+            pull[axis, k] -= held
+        _solve(factor[axis], pull[axis])
+        for k in range(controls):
+            displacement[k, axis] += pull[axis, k]
+    x[:], y[:], z[:] = source[:, 0], source[:, 1], source[:, 2]
+    for k in range(controls):
+        along, up, out = displacement[k, 0], displacement[k, 1], displacement[k, 2]
+        for i in range(points):
+            x[i] += along * across[k, i]
+            y[i] += up * across[k, i]
+            z[i] += out * across[k, i]
+    moved[:, 0], moved[:, 1], moved[:, 2] = x, y, z
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -16,8 +17,17 @@ from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.reflection import reflect
 from kpred.fitting.warp import Warp
 from kpred.ops import squared_distances
+from kpred.ops.chamfer_cpu import chamfer_of_each
+from kpred.ops.sampling import at_even_steps
 from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
+
+ESTIMATE_POINTS = 256
+CLOSEST = 3
+CLOSE = 1.25
+"""Candidates are compared by the distances of so many points, which are right in the mean, and then so many of them by
+all points: on 140 scans of training shapes, full and partial, the best one was always among these but for 0.1 %.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +66,10 @@ class Candidates:
 
     def deformed(self) -> Tensor:
         """S + B d, in its own box: scale * (S + B d) + shift, or as its cage warps it, (C, N, 3)."""
-        if self.warped is not None:
-            return self.warped
+        return self._deformed if self.warped is None else self.warped
+
+    @cached_property
+    def _deformed(self) -> Tensor:
         moved = deformed(self.points, self.basis, self.displacement)
         if self.scale is not None:
             moved = self.scale[:, None] * moved
@@ -66,20 +78,34 @@ class Candidates:
     def errors(self, most: int | None = None) -> Tensor:
         """(C,) CD or, for partial scans, UCD; unit box squared; infinite for those that were stopped.
 
-        `most` bounds the points used of each cloud.
+        `most` bounds the points of each cloud that are asked for; they are always searched among all of the other.
         """
-        if self.stopped is not None:
-            going = (~self.stopped).nonzero()[:, 0]
-            errors = torch.full((len(self.model_ids),), torch.inf)
-            errors[going] = replace(self.take(going), stopped=None).errors(most)
-            return errors
-        result, goal = self.deformed(), self.target
-        if most is not None:
-            result = result[:, :: max(1, result.shape[1] // most)]
-            goal = goal[:: max(1, len(goal) // most)]
-        goal = goal.expand(len(result), -1, -1)
-        forth = squared_distances(goal, result).mean(1)
-        return forth if self.partial else forth + squared_distances(result, goal).mean(1)
+        rows = torch.arange(len(self.model_ids)) if self.stopped is None else (~self.stopped).nonzero()[:, 0]
+        errors = torch.full((len(self.model_ids),), torch.inf)
+        errors[rows] = self.errors_of(rows, most)
+        return errors
+
+    def closest_errors(self, closest: int = CLOSEST) -> tuple[Tensor, Tensor]:
+        """`errors`, (C,), and which of them are exact, (C,) bool: the `closest` ones; others are estimates."""
+        errors = self.errors(ESTIMATE_POINTS)
+        limit = float(errors.min()) * CLOSE
+        rows = torch.tensor([row for row in errors.argsort(stable=True)[:closest].tolist() if errors[row] <= limit])
+        exact = torch.zeros(len(errors), dtype=torch.bool)
+        if closest:
+            errors[rows] = self.errors_of(rows, None)
+            exact[rows] = True
+        return errors, exact
+
+    def errors_of(self, rows: Tensor, most: int | None = None) -> Tensor:
+        """`errors` of these rows, stopped or not."""
+        results, target = _rows(self.deformed(), rows), self.target
+        steps = [1 if most is None else max(1, count // most) for count in (results.shape[1], len(target))]
+        found = chamfer_of_each(target.contiguous().numpy(), results.numpy(), self.partial, *steps)
+        return torch.from_numpy(found)
+
+    def from_scan(self, row: int, most: int | None = None) -> Tensor:
+        """(M,) squared distance of the scan's points, or of some (`errors`), from the result of one row; unit box."""
+        return squared_distances(at_even_steps(self.target, most)[None], self.deformed()[row : row + 1])[0]
 
     def refined(self, config: RefineConfig, rows: Tensor | None = None) -> Candidates:
         """The same candidates, or those of `rows`, with refined keypoints.
@@ -150,15 +176,20 @@ class Candidates:
             self,
             model_ids=tuple(self.model_ids[row] for row in chosen),
             distances=self.distances[chosen],
-            points=self.points[rows],
-            basis=self.basis[rows],
+            points=_rows(self.points, rows),
+            basis=_rows(self.basis, rows),
             displacement=self.displacement[rows],
             scale=None if self.scale is None else self.scale[rows],
             shift=None if self.shift is None else self.shift[rows],
             warps=None if self.warps is None else tuple(self.warps[row] for row in chosen),
-            warped=None if self.warped is None else self.warped[rows],
+            warped=None if self.warped is None else _rows(self.warped, rows),
             stopped=None if self.stopped is None else self.stopped[rows],
         )
+
+
+def _rows(tensor: Tensor, rows: Tensor) -> Tensor:
+    """`tensor[rows]`, on the CPU. Waking torch's threads, which such an index does, takes longer than the copy."""
+    return torch.from_numpy(tensor.numpy()[rows.numpy()])
 
 
 def retrieve(

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from kpred.fitting.candidates import Candidates
 from kpred.ops.nearest import nearest_neighbours
-from kpred.ops.typing import Float
+from kpred.ops.typing import Bool, Float
 
 TEMPERATURE = 0.6
 """Odds of candidates fall by e for each such share by which their error is above the lowest."""
@@ -32,6 +32,28 @@ POOL = 6
 """Candidates that are compared, those of lowest error; the others are hopeless."""
 
 ANSWER_POINTS, CANDIDATE_POINTS = 512, 1024
+
+SAMPLING_NOISE = 0.05
+"""Errors that differ by no more than this share are equal: another sample of the same surfaces would change as much."""
+
+
+def ranking(
+    candidates: Candidates, errors: Float[Tensor, " candidates"], exact: Bool[Tensor, " candidates"]
+) -> list[int]:
+    """Rows of all candidates, the result first, as `fit` ranks them.
+
+    Args:
+        errors: as for `order`; exact: which of them are of all points. Others are estimates (`Candidates.errors`).
+
+    Partial scans: `order`. Full scans: by error; but of those that are as good as the best, as far as exact errors tell,
+    the one that had to be deformed least comes first.
+    """
+    if candidates.partial:
+        return order(candidates, errors)
+    deformation = (candidates.deformed() - candidates.points).square().sum(-1).mean(1)
+    as_good = exact & (errors <= errors[exact].min() * (1 + SAMPLING_NOISE))
+    first = int(torch.where(as_good, deformation, torch.inf).argmin())
+    return [first] + [row for row in errors.argsort(stable=True).tolist() if row != first]
 
 
 def order(candidates: Candidates, errors: Float[Tensor, " candidates"]) -> list[int]:

@@ -23,6 +23,7 @@ SAME_TURN = math.radians(20.0)
 SAME_SHAPE = 0.03
 """A turn leaves a result as it is if the turned one is, in the mean, no farther from it than this, unit box."""
 
+EVIDENCE_POINTS = 512
 SHAPE_POINTS = 512
 
 TEMPERATURE = 1.0
@@ -79,14 +80,13 @@ def evidence_of(chosen: Hypothesis, row: int, tried: Sequence[Hypothesis], judge
         tried: all readings tried, `chosen` among them.
         judged: a recognizer gave the readings their odds.
     """
-    winner = chosen.candidates.take(torch.tensor([row]))
-    squared, _ = nearest_neighbours(winner.target[None], winner.deformed())
+    squared = chosen.candidates.from_scan(row, EVIDENCE_POINTS)
     return Evidence(
         error=float(squared.mean().sqrt()),
         unexplained=float((squared > UNEXPLAINED_DISTANCE**2).float().mean()),
-        seen=float(winner.confidence.mean()),
+        seen=float(chosen.candidates.confidence.mean()),
         category=category_probabilities(tried)[chosen.category],
-        turn=_turn_probability(chosen, winner.deformed()[0], tried),
+        turn=_turn_probability(chosen, row, tried),
         odds=chosen.log_odds if judged else None,
         box=chosen.box_error,
     )
@@ -101,8 +101,9 @@ def category_probabilities(tried: Sequence[Hypothesis]) -> dict[str, float]:
     return dict(zip(order, _softmax([best[name] for name in order]), strict=True))
 
 
-def _turn_probability(chosen: Hypothesis, result: torch.Tensor, tried: Sequence[Hypothesis]) -> float:
+def _turn_probability(chosen: Hypothesis, row: int, tried: Sequence[Hypothesis]) -> float:
     """By the scores of the readings of the same category: those turned otherwise count against the chosen one."""
+    result = chosen.candidates.take(torch.tensor([row])).deformed()[0]
     scores, same = [], []
     for one in tried:
         if one.category != chosen.category:

@@ -16,7 +16,8 @@ import trimesh
 from kpred.database import Database, Entry
 from kpred.errors import ConfigError
 from kpred.fitting.cage_refinement import with_cages
-from kpred.fitting.choice import order as least_risk_order
+from kpred.fitting.candidates import CLOSEST
+from kpred.fitting.choice import ranking
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, looks_partial
@@ -29,14 +30,10 @@ from kpred.fitting.result import Candidate, Fit, Metric
 from kpred.fitting.standing import feet_missing, stood_on
 from kpred.fitting.warnings import warnings_of
 from kpred.nn import Model
-from kpred.ops import nearest_neighbours
 from kpred.shapes.scan import check_points, read_scan
 
 MOST_POINTS = 50_000
 """Points of a scan that are cleaned; of a denser scan so many are taken at random."""
-
-SAMPLING_NOISE = 0.05
-"""Errors that differ by no more than this share are equal: another sample of the same surfaces would change as much."""
 
 HOPELESS = 1e3
 """Above all errors, unit box squared."""
@@ -150,32 +147,32 @@ def fit(
         sensors = torch.from_numpy(chosen.frame.to_unit(stood)).float()
         chosen = replace(chosen, candidates=replace(chosen.candidates, sensors=sensors))
     with clock("deform"):
-        feed_forward = chosen.candidates.errors()
-    refined_errors, judged_by = None, chosen
+        feed_forward, exact = chosen.candidates.closest_errors(0 if refine else CLOSEST)
+    errors, judged_by = feed_forward, chosen
     if refine:
         with clock("refine"):
             refinement = refinement or RefineConfig()
+            has_cage = refinement.has_cage(bool(partial))
             refined = chosen.candidates.refined(refinement)
-            refined_errors = refined.errors()
+            errors, exact = refined.closest_errors(0 if has_cage else CLOSEST)
         # A cage brings a wrong model nearly as close as the right one: it is the keypoints' fit that tells them apart.
         judged_by = replace(chosen, candidates=refined)
         with clock("cage"):
-            if refinement.has_cage(bool(partial)):
-                refined, refined_errors = with_cages(refined, refined_errors, store, refinement)
+            if has_cage:
+                refined, errors, exact = with_cages(refined, errors, store, refinement)
         chosen = replace(chosen, candidates=refined)
     with clock("choose"):
         # Those that refinement gave up come last, the least bad first.
-        errors = (
-            feed_forward
-            if refined_errors is None
-            else torch.where(refined_errors.isinf(), HOPELESS + feed_forward, refined_errors)
-        )
-        order = _order(chosen, errors + chosen.candidates.free_space_errors())
+        ranked = torch.where(errors.isinf(), HOPELESS + feed_forward, errors)
+        order = ranking(chosen.candidates, ranked + chosen.candidates.free_space_errors(), exact)
     with clock("mesh"):
-        candidates = _candidates(chosen, feed_forward, refined_errors, order)
+        squared = chosen.candidates.from_scan(order[0])
+        if partial:
+            errors[order[0]] = squared.mean()
+        candidates = _candidates(chosen, feed_forward, errors if refine else None, order)
         entry = store.entry(candidates[0].model_id)
         meshes = _meshes(chosen, entry, order[0])
-        metrics = _metrics(chosen, candidates[0], order[0], known)
+        metrics = _metrics(chosen, candidates[0], squared, known)
         moved = chosen.candidates.result_of(order[0], entry.keypoints.astype(np.float64), np.eye(len(entry.keypoints)))
         keypoints = chosen.frame.from_unit(moved)
         if partial and floor is not None and not known:
@@ -243,21 +240,6 @@ def subsample(points: np.ndarray, most: int, seed: int) -> np.ndarray:
     return points[np.random.default_rng(seed).permutation(len(points))[:most]]
 
 
-def _order(chosen: Hypothesis, errors: torch.Tensor) -> list[int]:
-    """Rows of the candidates, the result first.
-
-    Partial scans: by expected error of the whole surface. Full scans: by error; of those that are as good as the best,
-    the one that had to be deformed least comes first.
-    """
-    if chosen.candidates.partial:
-        return least_risk_order(chosen.candidates, errors)
-    moved = chosen.candidates.deformed() - chosen.candidates.points
-    deformation = moved.square().sum(-1).mean(1)
-    as_good = errors <= errors.min() * (1 + SAMPLING_NOISE)
-    first = int(torch.where(as_good, deformation, torch.inf).argmin())
-    return [first] + [row for row in errors.argsort().tolist() if row != first]
-
-
 def _candidates(
     chosen: Hypothesis, feed_forward: torch.Tensor, refined: torch.Tensor | None, order: list[int]
 ) -> tuple[Candidate, ...]:
@@ -293,10 +275,8 @@ def _meshes(chosen: Hypothesis, entry: Entry, row: int) -> tuple[trimesh.Trimesh
     )
 
 
-def _metrics(chosen: Hypothesis, best: Candidate, row: int, known: bool) -> tuple[Metric, ...]:
-    winner = chosen.candidates.take(torch.tensor([row]))
-    squared, _ = nearest_neighbours(winner.target[None], winner.deformed())
-    kind = "unilateral_chamfer_distance" if winner.partial else "chamfer_distance"
+def _metrics(chosen: Hypothesis, best: Candidate, squared: torch.Tensor, known: bool) -> tuple[Metric, ...]:
+    kind = "unilateral_chamfer_distance" if chosen.candidates.partial else "chamfer_distance"
     box = "known unit box" if known else "estimated unit box"
     mean = float(squared.sqrt().mean()) * chosen.frame.scale
     return (

@@ -183,7 +183,7 @@ def looks_partial(reading: Hypothesis) -> bool:
     if float(sides.min()) < LEAST_SIDE * float(sides.max()):
         return True
     close = reading.candidates.refined(SCREEN, torch.arange(min(SCREENED, len(reading.candidates.model_ids))))
-    best = close.take(close.errors(most=512).argmin()[None])
+    best = close.take(close.errors(most=256).argmin()[None])
     squared, _ = nearest_neighbours(best.deformed()[:, ::2].contiguous(), best.target[None])
     return float((squared > UNSEEN_DISTANCE**2).float().mean()) > UNSEEN_SHARE
 

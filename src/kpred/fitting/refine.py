@@ -24,7 +24,7 @@ from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import LEAST_SCALE, geman_mcclure, robust_scale, robust_weights
 
 try:
-    from kpred.fitting.refine_cpu import refine_compiled
+    from kpred.fitting.refine_cpu import columns_and_guess, refine_compiled
 except ImportError:  # numba is absent on machines that only train
     refine_compiled = None  # type: ignore[assignment]
 
@@ -126,27 +126,32 @@ def refine_candidates(
     """
     source_step = max(1, points.shape[1] // config.points)
     target_step = max(1, target.shape[-2] // config.points)
-    few_basis = basis[:, ::source_step].contiguous()
     # One target for all is a view, which the nearest neighbours' search sorts once.
     goal = target[..., ::target_step, :].expand(len(points), -1, -1)
     network = start.displacement if network_displacement is None else network_displacement
-    # Corrections to the network's result are unknown: every prior is centred on none.
-    guess = points[:, ::source_step] + few_basis @ network
-    columns = few_basis if config.box == "fixed" else with_box(few_basis, guess)
-    hold = 1.0 + 4.0 * (1.0 - confidence) if partial else torch.ones_like(confidence)
-    unseen = config.unseen * _unseen_normal(few_basis, guess, goal) if partial and config.unseen > 0 else None
     pictures = hints.pictures if hints is not None and partial and config.free_space > 0 else ()
     mirrored = hints.reflection if hints is not None and partial and config.reflection > 0 else None
-    if refine_compiled is not None and not pictures and _is_plain(guess, start, config):
+    plain = refine_compiled is not None and not pictures and _is_plain(points, start, config)
+    # Corrections to the network's result are unknown: every prior is centred on none.
+    if plain:
+        arrays = (array.contiguous().numpy() for array in (points, basis, network))
+        across, guess = (torch.from_numpy(array) for array in columns_and_guess(*arrays, source_step))
+        few_basis = across.transpose(1, 2)
+    else:
+        few_basis = basis[:, ::source_step].contiguous()
+        guess = points[:, ::source_step] + few_basis @ network
+    hold = 1.0 + 4.0 * (1.0 - confidence) if partial else torch.ones_like(confidence)
+    unseen = config.unseen * _unseen_normal(few_basis, guess, goal) if partial and config.unseen > 0 else None
+    if plain:
         held = guess.new_zeros(len(guess), *2 * few_basis.shape[2:]) if unseen is None else unseen
         correction = (start.displacement - network).contiguous()
         images = goal.new_zeros(0, 3) if mirrored is None else mirrored.points
         likely = images[:, 0] if mirrored is None else config.reflection / len(images) * mirrored.weight
         shared = goal[:1] if goal.stride(0) == 0 else goal
-        arrays = (few_basis.transpose(1, 2), guess, shared, images, likely, held, hold.expand(len(guess), -1))
+        parts = (across, guess, shared, images, likely, held, hold.expand(len(guess), -1), correction)
         robust = (config.robust**2, STRAY_REFLECTION**2, LEAST_SCALE)
         last = refine_compiled(
-            *(array.contiguous().numpy() for array in (*arrays, correction)),
+            *(part.contiguous().numpy() for part in parts),
             rounds=config.iterations,
             asked_in_turn=ASKED_IN_TURN,
             robust=robust,
@@ -157,7 +162,7 @@ def refine_candidates(
     rows = torch.arange(guess.shape[1], device=guess.device).expand(len(guess), -1)
     found = start
     empty: list[tuple[Tensor, Tensor, Tensor]] = []
-    equations = NormalEquations(columns, guess)
+    equations = NormalEquations(few_basis if config.box == "fixed" else with_box(few_basis, guess), guess)
     across = equations.across[:, : basis.shape[2]]
     for step in range(config.iterations):
         # So much faster than the basis times the displacement.
@@ -195,9 +200,9 @@ def refine_candidates(
     return found
 
 
-def _is_plain(guess: Tensor, start: Refined, config: RefineConfig) -> bool:
+def _is_plain(points: Tensor, start: Refined, config: RefineConfig) -> bool:
     """Whether compiled rounds can do it."""
-    single = guess.device.type == "cpu" and guess.dtype == start.displacement.dtype == torch.float32
+    single = points.device.type == "cpu" and points.dtype == start.displacement.dtype == torch.float32
     return single and config.box == "fixed" and config.trim <= 0 and bool((start.scale == 1).all())
 
 

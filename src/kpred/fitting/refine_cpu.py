@@ -16,6 +16,40 @@ from kpred.ops.weighted_sums_cpu import add_wanted, ranked, robust_weights, weig
 from kpred.ops.worksharing import share_out
 
 
+def columns_and_guess(
+    points: np.ndarray, basis: np.ndarray, network: np.ndarray, step: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """What rounds work on, of every `step`-th point: `across` (C, K, n) and `guess` (C, n, 3) of `refine_compiled`.
+
+    Args:
+        points: (C, N, 3); basis: (C, N, K); network: (C, K, 3) displacements of the keypoints; float32, unit box.
+    """
+    count = -(-points.shape[1] // step)
+    across = np.empty((len(points), basis.shape[2], count), np.float32)
+    guess = np.empty((len(points), count, 3), np.float32)
+    share_out(
+        lambda first, last: _columns(points, basis, network, step, across, guess, first, last),
+        len(points),
+        3 * across.size,
+    )
+    return across, guess
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz", "contract", "reassoc"})
+@no_type_check
+def _columns(points, basis, network, step, across, guess, first, last):
+    for c in range(first, last):
+        for i in range(guess.shape[1]):
+            x, y, z = points[c, i * step, 0], points[c, i * step, 1], points[c, i * step, 2]
+            for k in range(basis.shape[2]):
+                share = basis[c, i * step, k]
+                across[c, k, i] = share
+                x += share * network[c, k, 0]
+                y += share * network[c, k, 1]
+                z += share * network[c, k, 2]
+            guess[c, i, 0], guess[c, i, 1], guess[c, i, 2] = x, y, z
+
+
 def refine_compiled(
     across: np.ndarray,
     guess: np.ndarray,

@@ -55,3 +55,9 @@ def farthest_point_sampling(points: Float[Tensor, "batch points 3"], count: int)
         to_new = (points - points[batch, farthest][:, None]).square().sum(-1)
         distance = to_new if k == 0 else torch.minimum(distance, to_new)
     return chosen
+
+
+def at_even_steps(points: Float[Tensor, "*batch points 3"], most: int | None) -> Float[Tensor, "*batch few 3"]:
+    """At even steps at least `most` of the points, if there are so many; all of them for None."""
+    step = 1 if most is None else max(1, points.shape[-2] // most)
+    return points if step == 1 else points[..., ::step, :].contiguous()

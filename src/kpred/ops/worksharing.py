@@ -7,6 +7,7 @@ do the others', and small jobs never leave the calling thread. Kernels must rele
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,29 +17,44 @@ import numba
 WORTH = 2_000_000
 """Elementary steps of a kernel (some 0.3 ms) below which waking another thread takes longer than it saves."""
 
+SLICES = 4
+"""Slices for each thread."""
+
 _pool: ThreadPoolExecutor | None = None
 
 
 def share_out(kernel: Callable[[int, int], None], jobs: int, steps: int) -> None:
     """`kernel(first, last)` for slices that make up range(jobs), on as many threads as numba is set to use.
 
+    Whoever is free takes the next slice: a thread that wakes late, or not at all, keeps nobody waiting.
+
     Args:
-        jobs: independent of one another, of about equal work.
+        jobs: independent of one another.
         steps: elementary steps of all jobs together, such as distances; few stay in the calling thread.
     """
     threads = min(numba.get_num_threads(), jobs, max(1, 2 * steps // WORTH))
     if threads <= 1:
         kernel(0, jobs)
         return
-    limits = [jobs * part // threads for part in range(threads + 1)]
-    others = [_threads().submit(kernel, limits[part], limits[part + 1]) for part in range(1, threads)]
+    parts = min(jobs, SLICES * threads)
+    following = itertools.count()
+
+    def work() -> None:
+        for part in following:
+            if part >= parts:
+                return
+            kernel(jobs * part // parts, jobs * (part + 1) // parts)
+
+    pool = _threads()
+    others = [pool.submit(work) for _ in range(1, threads)]
     try:
-        kernel(0, limits[1])
+        work()
     finally:
         # Nobody may still write into arrays that the caller is given back.
-        for other in others:
+        running = [other for other in others if not other.cancel()]
+        for other in running:
             other.exception()
-    for other in others:
+    for other in running:
         other.result()
 
 
