@@ -1,10 +1,12 @@
 """The choice among refined candidates: lowest error of full scans, least expected error of partial ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
-from kpred.fitting.candidates import Candidates
-from kpred.fitting.choice import order, risks
+from kpred.fitting.candidates import CLOSEST, Candidates
+from kpred.fitting.choice import order, ranking, risks
 
 
 def _board(low: tuple[float, float, float], high: tuple[float, float, float], seed: int) -> torch.Tensor:
@@ -77,3 +79,26 @@ def test_results_that_are_one_have_one_risk() -> None:
     top = _board((-1, 0.4, -1), (1, 0.5, 1), 1)
     risk = risks(top.expand(4, -1, -1), torch.full((4,), 0.01))
     assert torch.allclose(risk, risk[:1].expand(4))
+
+
+def test_of_equal_full_candidates_the_least_deformed_one_is_first() -> None:
+    board = _candidates([_board((-1, 0, -1), (1, 0.1, 1), 0)] * 4, partial=False)
+    moved = replace(board, basis=torch.ones(4, 2048, 12) / 12, displacement=torch.ones(4, 12, 3))
+    moved.displacement[:] *= torch.tensor([0.4, 0.1, 0.2, 0.01])[:, None, None]
+    errors, exact = torch.tensor([0.0100, 0.0103, 0.0104, 0.0200]), torch.tensor([True, True, True, True])
+    assert ranking(moved, errors, exact) == [1, 0, 2, 3]
+    # An estimate may be off: none of those is the result.
+    assert ranking(moved, errors, torch.tensor([True, False, True, True])) == [2, 0, 1, 3]
+
+
+def test_errors_of_close_candidates_are_exact_and_others_near() -> None:
+    clouds = [_board((-1, 0.0, -1), (1, 0.1 + 0.02 * row, 1), row) for row in range(6)]
+    clouds += [_board((-1, 0.5, -1), (0, 0.6, 1), 9)]
+    for partial in (False, True):
+        candidates = replace(_candidates(clouds, partial), target=_board((-1, 0.0, -1), (1, 0.1, 1), 11))
+        wanted = candidates.errors()
+        errors, exact = candidates.closest_errors()
+        assert 1 <= int(exact.sum()) <= CLOSEST and bool(exact[wanted.argmin()])
+        assert torch.equal(errors[exact], wanted[exact])
+        assert torch.allclose(errors, wanted, rtol=0.25)
+        assert not candidates.closest_errors(0)[1].any()

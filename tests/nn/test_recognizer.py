@@ -76,3 +76,25 @@ def test_a_damaged_folder_is_named(recognizer: Recognizer, tmp_path: Path) -> No
     weights.write_bytes(weights.read_bytes()[:200])
     with pytest.raises(ModelError, match=r"model\.safetensors"):
         load_recognizer(tmp_path)
+
+
+def test_a_second_opinion_is_averaged_and_comes_back_beside_the_first(
+    recognizer: Recognizer, clouds: torch.Tensor, tmp_path: Path
+) -> None:
+    other = Recognizer(CONFIG).eval()
+    alone = recognizer.agreed(clouds)
+    assert all(torch.equal(one, two) for one, two in zip(alone, recognizer(clouds), strict=True))
+    recognizer.second = other
+    logits, turn = recognizer.agreed(clouds)
+    pair = (recognizer(clouds), other(clouds))
+    assert torch.allclose(logits, sum(one.log_softmax(1) for one, _ in pair) / 2, atol=1e-6)
+    assert torch.allclose(turn, sum(one for _, one in pair) / 2, atol=1e-6)
+    save_recognizer(recognizer, tmp_path)
+    assert load_recognizer(tmp_path).second is None
+    save_recognizer(other, tmp_path / "second")
+    both = load_recognizer(tmp_path)
+    for one, two in zip(both.agreed(clouds), (logits, turn), strict=True):
+        assert torch.allclose(one, two, atol=0.02)
+    save_recognizer(Recognizer(RecognizerConfig(("table",), width=16, blocks=1)), tmp_path / "second")
+    with pytest.raises(ModelError, match="other categories"):
+        load_recognizer(tmp_path)

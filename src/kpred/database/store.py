@@ -63,6 +63,7 @@ class Database:
         self._open = True
         self._lock = RLock()
         self._version: object = None
+        self._categories: tuple[str, ...] | None = None
         self._indices: dict[str, Index] = {}
         self._arrays: ModelCache[FittingArrays] = ModelCache(_CACHED_ARRAYS)
         self._entries: ModelCache[Entry] = ModelCache(_CACHED_ENTRIES)
@@ -187,8 +188,15 @@ class Database:
 
     def categories(self) -> tuple[str, ...]:
         """Names of the categories that have models, in alphabetical order."""
+        with self._kept() as up_to_date:
+            if up_to_date and self._categories is not None:
+                return self._categories
         with self._transaction() as connection:
-            return tuple(connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)))
+            version = self._version
+            names = tuple(connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)))
+            if version == self._version:
+                self._categories = names
+            return names
 
     def model_ids(self, category: str | None = None) -> tuple[str, ...]:
         """Ids of all models, or of those of one category, in alphabetical order."""
@@ -331,6 +339,7 @@ class Database:
 
     def _forget(self) -> None:
         with self._lock:
+            self._categories = None
             self._indices.clear()
             self._arrays.clear()
             self._entries.clear()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from kpred.fitting.upright import yaw_hypotheses, yaw_rotation
 from kpred.nn import Recognizer
@@ -58,7 +59,7 @@ def recognised(
     """Readings of a scan whose up axis is known and whose yaw is not, the likeliest first.
 
     Turns all around are asked first; the best are corrected by what the network says is missing, or moved to the turn
-    nearby that straight edges propose, and asked again.
+    nearby that straight edges propose, and asked again, with the second opinion.
 
     Args:
         points: in any unit, in random order; upright: rotation that takes the scan's up axis to +y.
@@ -78,7 +79,7 @@ def recognised(
         if len(turns) == CORRECTED:
             break
     rotations = [yaw_rotation(turn) for turn in turns]
-    odds, _ = ask(standing, rotations, recognizer)
+    odds, _ = ask(standing, rotations, recognizer.agreed)
     return readings([rotation @ upright for rotation in rotations], odds[:, columns], categories)
 
 
@@ -95,9 +96,14 @@ def readings(
 
 
 def ask(
-    points: Float[np.ndarray, "points 3"], rotations: Sequence[np.ndarray], recognizer: Recognizer
+    points: Float[np.ndarray, "points 3"],
+    rotations: Sequence[np.ndarray],
+    recognizer: Callable[[Tensor], tuple[Tensor, Tensor]],
 ) -> tuple[Float[np.ndarray, "rotations categories"], Float[np.ndarray, " rotations"]]:
-    """Log-odds of each category against none, and the turn (radians) still missing, for each rotation of a cloud."""
+    """Log-odds of each category against none, and the turn (radians) still missing, for each rotation of a cloud.
+
+    `recognizer`: a `Recognizer`, or its `agreed`.
+    """
     clouds = np.stack([points @ rotation.T for rotation in rotations])
     with torch.inference_mode():
         # In place and size of their own before they lose digits to single precision.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpred.fitting.normals import estimate_normals
+from kpred.fitting.normals import estimate_normals, neighbour_normals
 from kpred.fitting.outliers import neighbourhood
 from kpred.fitting.stubs import floor_stub
 from kpred.fitting.upright import UP_AXES
@@ -19,6 +19,11 @@ PRIOR = {"y": 0.0, "z": 0.0, "-y": -2.0, "-z": -3.5, "x": -3.5, "-x": -3.5}
 
 FLOOR = 4.0
 """What a piece of floor that reaches beyond the object says for its axis. Log-odds."""
+
+BEYOND_FLOOR = 10.0
+"""Axes that are so much less likely than the best (log-odds) are not asked whether there is a floor. Of 1,260 axes of
+depth scans of training shapes they were 38 %, and none of them was right.
+"""
 
 SURE = 4.0
 """Log-odds of the first axis against the second from which on the second is not worth trying."""
@@ -48,21 +53,20 @@ def up_scores(points: Float[np.ndarray, "points 3"]) -> dict[str, float]:
     if len(sample) < 64 or size <= 0:
         return dict(PRIOR)
     sample = sample / size
-    reach = neighbourhood(sample).reach
-    scores = {}
-    # Most axes have no floor, and then all of them ask for the normals of the same points.
-    whole: _Surface | None = None
-    for name, axis in UP_AXES.items():
-        up = np.array(axis, dtype=np.float64)
-        floor = floor_stub(sample, reach, up, 1.0, least_beyond=0.15)
-        scores[name] = PRIOR[name] + (0.0 if floor is None else FLOOR)
+    near = neighbourhood(sample)
+    some = np.arange(0, len(sample), max(1, len(sample) // 1024))
+    normals = neighbour_normals(sample, np.column_stack([some, near.index[some]]))
+    whole = _Surface(sample, sample[some], *normals)
+    axes = {name: np.array(axis, dtype=np.float64) for name, axis in UP_AXES.items()}
+    scores = {name: PRIOR[name] + float(_evidence(whole, up) @ WEIGHTS) for name, up in axes.items()}
+    likely = [name for name in axes if scores[name] > max(scores.values()) - BEYOND_FLOOR]
+    for name in likely:
+        floor = floor_stub(sample, near.reach, axes[name], 1.0, least_beyond=0.15)
         if floor is None:
-            surface = whole = whole or _surface(sample)
-        elif np.count_nonzero(~floor.points) >= 64:
-            surface = _surface(sample[~floor.points])
-        else:
             continue
-        scores[name] += float(_evidence(surface, up) @ WEIGHTS)
+        scores[name] = PRIOR[name] + FLOOR
+        if np.count_nonzero(~floor.points) >= 64:
+            scores[name] += float(_evidence(_surface(sample[~floor.points]), axes[name]) @ WEIGHTS)
     return scores
 
 

@@ -26,6 +26,9 @@ Network = TypeVar("Network", bound=nn.Module)
 CONFIG_FILE = "config.json"
 RECOGNIZER = "recognizer"
 """Folder of the recognizer beside the categories' folders."""
+
+SECOND = "second"
+"""Folder of another recognizer in the first one's."""
 WEIGHTS_FILE = "model.safetensors"
 
 
@@ -130,10 +133,18 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
 def load_recognizer(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> Recognizer:
     """A recognizer from its folder, in evaluation mode, single precision, without gradients.
 
+    One in the folder `second` inside is its second opinion.
+
     Raises:
-        ModelError: if a file is missing, truncated or does not fit the other.
+        ModelError: if a file is missing, truncated or does not fit the other, or the two know other categories.
     """
-    return load_weights(Path(folder), lambda values: Recognizer(RecognizerConfig.from_dict(values)), device)
+    folder = Path(folder)
+    network = load_weights(folder, lambda values: Recognizer(RecognizerConfig.from_dict(values)), device)
+    if (folder / SECOND / CONFIG_FILE).is_file():
+        network.second = load_recognizer(folder / SECOND, device)
+        if network.second.config.categories != network.config.categories:
+            raise ModelError(f"{folder / SECOND} knows other categories than {folder}; copy both again.")
+    return network
 
 
 def load_weights(folder: Path, build: Callable[[dict[str, Any]], Network], device: torch.device | str) -> Network:
@@ -178,21 +189,24 @@ def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = Tr
 
 
 def save_recognizer(network: Recognizer, folder: str | os.PathLike[str]) -> None:
-    """Write config.json and model.safetensors in half precision, each file atomically.
+    """Write config.json and model.safetensors in half precision, each file atomically; without the second opinion.
 
     Raises:
         OutputError: if the folder cannot be written.
     """
-    save_weights(network, network.config.to_dict(), Path(folder), torch.float16)
+    save_weights(network, network.config.to_dict(), Path(folder), torch.float16, leave_out=f"{SECOND}.")
 
 
-def save_weights(network: nn.Module, config: dict[str, Any], folder: Path, dtype: torch.dtype) -> None:
-    """Any network and its config into a folder, each file atomically.
+def save_weights(
+    network: nn.Module, config: dict[str, Any], folder: Path, dtype: torch.dtype, leave_out: str | None = None
+) -> None:
+    """Any network and its config into a folder, each file atomically, but for parts whose name begins so.
 
     Raises:
         OutputError: if the folder cannot be written.
     """
-    tensors = {key: value.detach().cpu().to(dtype).contiguous() for key, value in network.state_dict().items()}
+    state = {key: value for key, value in network.state_dict().items() if not (leave_out and key.startswith(leave_out))}
+    tensors = {key: value.detach().cpu().to(dtype).contiguous() for key, value in state.items()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:

@@ -64,6 +64,9 @@ class Recognizer(nn.Module):
 
     It answers two questions about the cloud as it stands: which category it is of, or none (another thing, or not
     facing +z, or not upright); and by which small turn it would face +z exactly. Asked for several turns, it tells yaw.
+
+    Attributes:
+        second: another recognizer of the same categories, trained on its own, whose opinion may be asked too.
     """
 
     def __init__(self, config: RecognizerConfig) -> None:
@@ -75,6 +78,7 @@ class Recognizer(nn.Module):
         self.wide = nn.Linear(width, 2 * width)
         self.shape = nn.ModuleList([nn.Linear(4 * width, 2 * width), nn.Linear(2 * width, width)])
         self.output = nn.Linear(width, len(config.categories) + 2)
+        self.second: Recognizer | None = None
 
     def forward(
         self, points: Float[Tensor, "batch points 3"]
@@ -91,6 +95,16 @@ class Recognizer(nn.Module):
             shape = functional.leaky_relu(layer(shape), 0.1)
         answers = self.output(shape)
         return answers[:, :-1], MOST_TURN * torch.tanh(answers[:, -1])
+
+    def agreed(
+        self, points: Float[Tensor, "batch points 3"]
+    ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
+        """`forward`, with the second opinion if there is one: the mean log-probabilities, and the mean turn."""
+        logits, turn = self(points)
+        if self.second is None:
+            return logits, turn
+        others, other_turn = self.second(points)
+        return (logits.log_softmax(1) + others.log_softmax(1)) / 2, (turn + other_turn) / 2
 
 
 def robust_unit_box(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:

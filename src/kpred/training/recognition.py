@@ -163,6 +163,7 @@ def train_recognizer(
         network = Recognizer(architecture).to(device)
     if start_from is not None:
         earlier = load_recognizer(start_from)
+        earlier.second = None
         if earlier.config != architecture:
             raise ConfigError(f"{start_from} holds another kind of recognizer; give the same categories and settings.")
         network.load_state_dict(earlier.state_dict())
