@@ -141,7 +141,7 @@ def fit(
             partial = looks_partial(tried[0])
         if partial or len(few) < len(readings):
             with clock("retrieve"):
-                tried = hypotheses(points, readings, search, partial)
+                tried = hypotheses(points, readings, search, partial, before=tried)
     chosen = tried[0]
     if stood is not None:
         sensors = torch.from_numpy(chosen.frame.to_unit(stood)).float()

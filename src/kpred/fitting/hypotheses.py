@@ -75,6 +75,14 @@ class Hypothesis:
         """Category of the candidates."""
         return self.candidates.category
 
+    def is_read_as(self, other: Hypothesis) -> bool:
+        """Whether the scan lies in the same box, is of the same category, and is taken as partial in both or neither."""
+        return (
+            self.category == other.category
+            and self.candidates.partial == other.candidates.partial
+            and np.array_equal(self.frame.matrix(), other.frame.matrix())
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Search:
@@ -93,13 +101,16 @@ class Search:
     floor: float | None = None
 
 
-def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool) -> list[Hypothesis]:
+def hypotheses(
+    points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool, before: Sequence[Hypothesis] = ()
+) -> list[Hypothesis]:
     """Every reading tried, the likeliest first.
 
     Args:
         points: (N, 3) the scan in its own frame and units.
         partial: partial networks and one-sided errors; unless the frame is known, the box is extended to the one that
             the network expects of the whole object, which stands on the floor where that is known.
+        before: hypotheses of these points that were read with all of them.
     """
     found: list[Hypothesis] = []
     alone = len(readings) == 1
@@ -121,8 +132,10 @@ def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, 
     if not alone:
         # They were only compared; the best is read again with all points.
         best = found[0]
-        observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
-        read = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
+        read = next((one.candidates for one in before if one.is_read_as(best)), None)
+        if read is None:
+            observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
+            read = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
         found[0] = replace(best, candidates=read)
     return found
 
