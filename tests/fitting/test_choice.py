@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from kpred.fitting.candidates import CLOSEST, Candidates
+from kpred.fitting.candidates import CLOSEST, CLOSEST_PARTIAL, Candidates
 from kpred.fitting.choice import order, ranking, risks
 
 
@@ -98,7 +98,9 @@ def test_errors_of_close_candidates_are_exact_and_others_near() -> None:
         candidates = replace(_candidates(clouds, partial), target=_board((-1, 0.0, -1), (1, 0.1, 1), 11))
         wanted = candidates.errors()
         errors, exact = candidates.closest_errors()
-        assert 1 <= int(exact.sum()) <= CLOSEST and bool(exact[wanted.argmin()])
+        assert 1 <= int(exact.sum()) <= (CLOSEST_PARTIAL if partial else CLOSEST) and bool(exact[wanted.argmin()])
         assert torch.equal(errors[exact], wanted[exact])
         assert torch.allclose(errors, wanted, rtol=0.25)
-        assert not candidates.closest_errors(0)[1].any()
+        stopped = replace(candidates, stopped=torch.arange(7) > 1)
+        errors, exact = stopped.closest_errors()
+        assert errors[2:].isinf().all() and not exact[2:].any() and exact[:2].any()

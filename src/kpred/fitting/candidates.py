@@ -23,10 +23,11 @@ from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
 
 ESTIMATE_POINTS = 256
-CLOSEST = 3
+CLOSEST, CLOSEST_PARTIAL = 3, 6
 CLOSE = 1.25
-"""Candidates are compared by the distances of so many points, which are right in the mean, and then so many of them by
-all points: on 140 scans of training shapes, full and partial, the best one was always among these but for 0.1 %.
+"""Candidates are compared by the distances of so many points, which are right in the mean, and then so many of them, of
+full scans those that are no more than this times worse than the best, by all points: on 70 scans of training shapes the
+best was always among them. Of partial scans the choice weighs all that are close (`kpred.fitting.choice`).
 """
 
 
@@ -85,16 +86,14 @@ class Candidates:
         errors[rows] = self.errors_of(rows, most)
         return errors
 
-    def closest_errors(self, closest: int = CLOSEST) -> tuple[Tensor, Tensor]:
-        """`errors`, (C,), and which of them are exact, (C,) bool: the `closest` ones; others are estimates."""
+    def closest_errors(self) -> tuple[Tensor, Tensor]:
+        """`errors`, (C,), and which of them are exact, (C,) bool: those close to the best; others are estimates."""
         errors = self.errors(ESTIMATE_POINTS)
-        limit = float(errors.min()) * CLOSE
-        rows = torch.tensor([row for row in errors.argsort(stable=True)[:closest].tolist() if errors[row] <= limit])
-        exact = torch.zeros(len(errors), dtype=torch.bool)
-        if closest:
-            errors[rows] = self.errors_of(rows, None)
-            exact[rows] = True
-        return errors, exact
+        close = errors.isfinite() & (self.partial | (errors <= CLOSE * errors.min()))
+        most = CLOSEST_PARTIAL if self.partial else CLOSEST
+        rows = torch.tensor([row for row in errors.argsort(stable=True)[:most].tolist() if close[row]])
+        errors[rows] = self.errors_of(rows)
+        return errors, torch.zeros(len(errors), dtype=torch.bool).index_fill(0, rows, True)
 
     def errors_of(self, rows: Tensor, most: int | None = None) -> Tensor:
         """`errors` of these rows, stopped or not."""

@@ -16,7 +16,6 @@ import trimesh
 from kpred.database import Database, Entry
 from kpred.errors import ConfigError
 from kpred.fitting.cage_refinement import with_cages
-from kpred.fitting.candidates import CLOSEST
 from kpred.fitting.choice import ranking
 from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
 from kpred.fitting.confidence import category_probabilities, confidence, evidence_of
@@ -37,6 +36,9 @@ MOST_POINTS = 50_000
 
 HOPELESS = 1e3
 """Above all errors, unit box squared."""
+
+TOLD_POINTS = 128
+"""Points by which errors are estimated that are told, but decide nothing."""
 
 MOST_READINGS = 5
 ODDS_RANGE = 5.0
@@ -147,18 +149,22 @@ def fit(
         sensors = torch.from_numpy(chosen.frame.to_unit(stood)).float()
         chosen = replace(chosen, candidates=replace(chosen.candidates, sensors=sensors))
     with clock("deform"):
-        feed_forward, exact = chosen.candidates.closest_errors(0 if refine else CLOSEST)
-    errors, judged_by = feed_forward, chosen
+        # Where they are refined, what they were before is only told.
+        if refine:
+            feed_forward = errors = chosen.candidates.errors(TOLD_POINTS)
+        else:
+            feed_forward, exact = chosen.candidates.closest_errors()
+            errors = feed_forward
+    judged_by = chosen
     if refine:
         with clock("refine"):
             refinement = refinement or RefineConfig()
-            has_cage = refinement.has_cage(bool(partial))
             refined = chosen.candidates.refined(refinement)
-            errors, exact = refined.closest_errors(0 if has_cage else CLOSEST)
+            errors, exact = refined.closest_errors()
         # A cage brings a wrong model nearly as close as the right one: it is the keypoints' fit that tells them apart.
         judged_by = replace(chosen, candidates=refined)
         with clock("cage"):
-            if has_cage:
+            if refinement.has_cage(bool(partial)):
                 refined, errors, exact = with_cages(refined, errors, store, refinement)
         chosen = replace(chosen, candidates=refined)
     with clock("choose"):

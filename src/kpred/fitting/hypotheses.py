@@ -29,9 +29,9 @@ SCREEN_POINTS = 512
 SCREENED = 3
 """Candidates of each hypothesis that are screened."""
 
-ERROR_WEIGHT = 1.0
-"""Odds fall with this power of the error of the quick fit. On virtual scans of training shapes powers up to 2 choose
-the same readings, and higher ones worse: almost anything can be fitted to what is seen of a thing.
+ERROR_WEIGHT = 2.5
+"""Odds fall with this power of the error of the quick fit. Of 900 depth scans of training shapes powers from 2 to 3 find
+yaw and category of the most, 86 and 95 %; a power of 1 finds four and two fewer, one of 0 seven and three.
 """
 
 LEAST_SIDE = 0.12
