@@ -137,7 +137,7 @@ def _log_odds(probability: float) -> float:
     return math.log(clipped / (1 - clipped))
 
 
-WEIGHTS = np.array([-7.168, -0.444, -0.061, 0.516, 0.05, 0.156, -0.899, 0.59])
-WEIGHTS_WITHOUT_ODDS = np.array([-8.809, -0.417, -0.133, 0.54, 0.172, 0.281, -1.428])
+WEIGHTS = np.array([-5.245, -0.272, -0.068, 0.206, 0.05, 0.099, -0.735, 0.618])
+WEIGHTS_WITHOUT_ODDS = np.array([-7.305, -0.158, -0.159, 0.336, 0.18, 0.284, -1.292])
 """Of `Evidence.features`: logistic regressions on virtual scans of generated shapes (`scripts/calibrate_confidence.py`,
-120 of each category and of other things; half of them held out: calibration error 0.05, without odds 0.06)."""
+120 of each category and of other things; half of them held out: calibration error 0.05, without odds 0.05)."""
