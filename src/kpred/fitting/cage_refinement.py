@@ -89,7 +89,10 @@ def _fitted(
     held = _unseen(few, goal, config.unseen) if partial else torch.zeros_like(few[:, 0])
     displacement = fitted_cage(
         columns.numpy()[::step],
-        *(array.numpy() for array in (source[::step], few, held, goal)),
+        source.numpy()[::step],
+        few.numpy(),
+        held.numpy(),
+        goal.numpy(),
         stiff,
         rounds=config.cage_iterations,
         asked_in_turn=ASKED_IN_TURN,

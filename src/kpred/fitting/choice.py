@@ -45,8 +45,8 @@ def ranking(
     Args:
         errors: as for `order`; exact: which of them are of all points. Others are estimates (`Candidates.errors`).
 
-    Partial scans: `order`. Full scans: by error; but of those that are as good as the best, as far as exact errors tell,
-    the one that had to be deformed least comes first.
+    Partial scans: `order`. Full scans: by error; but of those that are as good as the best, as far as exact errors
+    tell, the one that had to be deformed least comes first.
     """
     if candidates.partial:
         return order(candidates, errors)

@@ -30,8 +30,8 @@ SCREENED = 3
 """Candidates of each hypothesis that are screened."""
 
 ERROR_WEIGHT = 2.5
-"""Odds fall with this power of the error of the quick fit. Of 900 depth scans of training shapes powers from 2 to 3 find
-yaw and category of the most, 86 and 95 %; a power of 1 finds four and two fewer, one of 0 seven and three.
+"""Odds fall with this power of the error of the quick fit. Of 900 depth scans of training shapes powers from 2 to 3
+find yaw and category of the most, 86 and 95 %; a power of 1 finds four and two fewer, one of 0 seven and three.
 """
 
 LEAST_SIDE = 0.12
@@ -76,7 +76,7 @@ class Hypothesis:
         return self.candidates.category
 
     def is_read_as(self, other: Hypothesis) -> bool:
-        """Whether the scan lies in the same box, is of the same category, and is taken as partial in both or neither."""
+        """Whether the scan lies in the same box, is of the same category, and is partial in both or in neither."""
         return (
             self.category == other.category
             and self.candidates.partial == other.candidates.partial
@@ -132,11 +132,11 @@ def hypotheses(
     if not alone:
         # They were only compared; the best is read again with all points.
         best = found[0]
-        read = next((one.candidates for one in before if one.is_read_as(best)), None)
-        if read is None:
+        same = next((one.candidates for one in before if one.is_read_as(best)), None)
+        if same is None:
             observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
-            read = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
-        found[0] = replace(best, candidates=read)
+            same = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
+        found[0] = replace(best, candidates=same)
     return found
 
 

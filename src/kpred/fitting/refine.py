@@ -134,8 +134,8 @@ def refine_candidates(
     plain = refine_compiled is not None and not pictures and _is_plain(points, start, config)
     # Corrections to the network's result are unknown: every prior is centred on none.
     if plain:
-        arrays = (array.contiguous().numpy() for array in (points, basis, network))
-        across, guess = (torch.from_numpy(array) for array in columns_and_guess(*arrays, source_step))
+        shape, columns, moves = (array.contiguous().numpy() for array in (points, basis, network))
+        across, guess = (torch.from_numpy(array) for array in columns_and_guess(shape, columns, moves, source_step))
         few_basis = across.transpose(1, 2)
     else:
         few_basis = basis[:, ::source_step].contiguous()

@@ -19,7 +19,7 @@ def chamfer_of_each(
     step: int = 1,
     target_step: int = 1,
 ) -> Float[np.ndarray, " results"]:
-    """`chamfer_distance` of each of `results`, or the `unilateral` one, from one target; the unit of the clouds squared.
+    """`chamfer_distance` of each of `results`, or the `unilateral` one, from one target; their unit squared.
 
     Every `step`-th point of a result and every `target_step`-th of the target is asked for; these are searched among
     all points of the other cloud, so that the distance is right in the mean.

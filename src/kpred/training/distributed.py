@@ -209,8 +209,8 @@ def joined(rank: int, size: int, device: torch.device | str, start: str = "env:/
         yield ALONE
         return
     backend = "cpu:gloo,cuda:nccl" if torch.device(device).type == "cuda" else "gloo"
-    # Its functions keep the group of the time of their import as a default. Imported later (optimisers do), they would keep
-    # the group and its threads alive beyond the interpreter, whose end then sometimes aborts the process.
+    # Its functions have the group of the time of their import as a default. Imported later (optimisers do), they would
+    # keep the group and its threads alive beyond the interpreter, whose end then sometimes aborts the process.
     importlib.import_module("torch.distributed.nn.functional")
     try:
         dist.init_process_group(backend, init_method=start, rank=rank, world_size=size, timeout=PATIENCE)
