@@ -120,3 +120,14 @@ def test_impossible_settings_and_packs_are_refused(packs: list[MeshPack], tmp_pa
             RecognitionConfig(**broken)
     with pytest.raises(PackError, match="too few"):
         train_recognizer([packs[2]], CONFIG, tmp_path, model=SMALL)
+
+
+def test_it_starts_from_another_of_whatever_architecture(packs: list[MeshPack], tmp_path: Path) -> None:
+    earlier = train_recognizer(packs, CONFIG, tmp_path / "first", model=SMALL)
+    still = dataclasses.replace(CONFIG, optimisation=StageConfig(steps=1, batch=8, learning_rate=1e-9))
+    later = train_recognizer(packs, still, tmp_path / "then", start_from=tmp_path / "first" / "model")
+    assert later.config == earlier.config
+    for one, two in zip(earlier.state_dict().values(), later.state_dict().values(), strict=True):
+        assert torch.allclose(one, two, atol=2e-3)  # weights are kept in half precision
+    with pytest.raises(ConfigError, match="another kind"):
+        train_recognizer(packs[:1] + packs[2:], still, tmp_path / "x", start_from=tmp_path / "first" / "model")

