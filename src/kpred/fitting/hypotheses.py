@@ -192,11 +192,11 @@ def thickened(
 
 def looks_partial(reading: Hypothesis) -> bool:
     """Whether the scan is one plate, or much of the best full-shape explanation lies where it has no points."""
-    sides = reading.candidates.target.quantile(torch.tensor([0.01, 0.99]), dim=0).diff(dim=0)[0]
-    if float(sides.min()) < LEAST_SIDE * float(sides.max()):
+    low, high = np.quantile(reading.candidates.target.numpy(), [0.01, 0.99], axis=0)
+    if (high - low).min() < LEAST_SIDE * (high - low).max():
         return True
     close = reading.candidates.refined(SCREEN, torch.arange(min(SCREENED, len(reading.candidates.model_ids))))
-    best = close.take(close.errors(most=256).argmin()[None])
+    best = close.take(close.errors(most=128).argmin()[None])
     squared, _ = nearest_neighbours(best.deformed()[:, ::2].contiguous(), best.target[None])
     return float((squared > UNSEEN_DISTANCE**2).float().mean()) > UNSEEN_SHARE
 
