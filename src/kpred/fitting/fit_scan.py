@@ -37,8 +37,8 @@ MOST_POINTS = 50_000
 HOPELESS = 1e3
 """Above all errors, unit box squared."""
 
-TOLD_POINTS = 128
-"""Points by which errors are estimated that are told, but decide nothing."""
+TOLD_POINTS, COMPARED_POINTS = 128, 512
+"""Points by which errors are estimated that are told, but decide nothing; and those that decide who gets a cage."""
 
 MOST_READINGS = 5
 ODDS_RANGE = 5.0
@@ -155,16 +155,20 @@ def fit(
         else:
             feed_forward, exact = chosen.candidates.closest_errors()
             errors = feed_forward
-    judged_by = chosen
+    judged_by = before = chosen
     if refine:
         with clock("refine"):
             refinement = refinement or RefineConfig()
+            has_cage = refinement.has_cage(bool(partial))
             refined = chosen.candidates.refined(refinement)
-            errors, exact = refined.closest_errors()
+            if has_cage and not partial:
+                errors = refined.errors(COMPARED_POINTS)
+            else:
+                errors, exact = refined.closest_errors()
         # A cage brings a wrong model nearly as close as the right one: it is the keypoints' fit that tells them apart.
         judged_by = replace(chosen, candidates=refined)
         with clock("cage"):
-            if refinement.has_cage(bool(partial)):
+            if has_cage:
                 refined, errors, exact = with_cages(refined, errors, store, refinement)
         chosen = replace(chosen, candidates=refined)
     with clock("choose"):
@@ -175,6 +179,8 @@ def fit(
         squared = chosen.candidates.from_scan(order[0])
         if partial:
             errors[order[0]] = squared.mean()
+        if refine:
+            feed_forward[order[0]] = before.candidates.errors_of(torch.tensor(order[:1]))[0]
         candidates = _candidates(chosen, feed_forward, errors if refine else None, order)
         entry = store.entry(candidates[0].model_id)
         meshes = _meshes(chosen, entry, order[0])

@@ -44,8 +44,8 @@ UNSEEN_DISTANCE = 0.1
 UNSEEN_SHARE = 0.02
 """A scan is taken as partial if more than this share of the best full-shape result is farther than this from it.
 
-On depth scans of training shapes a partial scan read as full lies ten times farther from the true surface than read as
-partial, while a full scan read as partial is no worse: when in doubt, a scan is partial.
+When in doubt, a scan is partial. In the known frame, on 108 shapes of sa_partnet's split `train` with a quarter hidden,
+a partial scan read as full ends four times as far from the true surface (CD); a full scan read as partial twice.
 """
 
 

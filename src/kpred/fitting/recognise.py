@@ -32,8 +32,8 @@ SAME = np.radians(6.0)
 """Turns closer than this are one reading."""
 
 CORRECTED = 4
-"""Best turns that are corrected and asked again. On 900 depth scans of training shapes as many readings are right as with
-six of twelve turns all around.
+"""Best turns that are corrected and asked again. On 900 depth scans of training shapes as many readings are right as
+with six of twelve turns all around.
 """
 
 

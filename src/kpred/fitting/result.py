@@ -36,7 +36,7 @@ class Candidate:
         model_id, category: which model of the database.
         distance: weighted L1 distance of its tokens to the scan's.
         error: CD (full scans) or UCD (partial scans) after deformation by the network's keypoints, unit box squared.
-            Of candidates that are not close to the best, and of all where they are refined, an estimate by some points.
+            Exact of the chosen one; of others that are not close to the best, or refined, an estimate by some points.
         refined_error: the same after refinement; None where it was not refined, or given up as hopeless on the way.
             Of the chosen candidate it is exact, of others it may be an estimate.
         displacement: (keypoints, 3) of its keypoints, unit box, as chosen for the result.

@@ -147,7 +147,8 @@ def train_recognizer(
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
 
     Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was. `start_from`
-    is a recognizer's folder, whose weights the training starts with; its architecture is then the default. `world`: as in `kpred.training.run.train`.
+    is a recognizer's folder, whose weights the training starts with, and whose architecture is then the default.
+    `world`: as in `kpred.training.run.train`.
 
     Raises:
         ModelError: if there is no recognizer in `start_from`.
