@@ -15,7 +15,10 @@ from kpred.errors import ConfigError
 pytest.importorskip("ray", reason="Ray is not installed: pip install 'kpred[ray]'")
 
 
-def test_no_cluster_is_told(tmp_path):
+def test_no_cluster_is_told(tmp_path, monkeypatch):
+    # Another test may have a cluster of its own on this machine meanwhile.
+    monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
     from kpred.batch.ray_crew import RayCrew
 
     with pytest.raises(ConfigError, match="No Ray cluster"):

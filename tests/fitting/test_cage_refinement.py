@@ -93,10 +93,10 @@ def test_a_model_of_many_faces_moves_by_its_points(
     database: kpred.Database, target: torch.Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = _candidates(database, target).refined(CONFIG)
-    _, usual = with_cages(before, before.errors(), database, CONFIG)
+    _, usual, _ = with_cages(before, before.errors(), database, CONFIG)
     monkeypatch.setattr(surface_points, "MOST_FACES", 0)
     with kpred.Database.open(database.path, read_only=True) as fresh:
-        _, errors = with_cages(before, before.errors(), fresh, CONFIG)
+        _, errors, _ = with_cages(before, before.errors(), fresh, CONFIG)
     assert errors[0] == pytest.approx(float(usual[0]), rel=0.1)
 
 

@@ -57,7 +57,7 @@ def with_cages(
     moved, errors = candidates.deformed(), errors.clone()
     stiff = _stiffness(config.cage_smoothness, config.cage_symmetry).numpy()
     warps: list[Warp | None] = [None] * len(moved)
-    result = torch.from_numpy(moved.numpy().copy())
+    result = moved.numpy().copy()
 
     def fit_some(first: int, last: int) -> None:
         for row, surface in zip(rows[first:last], surfaces[first:last], strict=True):
@@ -66,7 +66,7 @@ def with_cages(
             )
 
     share_out(fit_some, len(rows), len(rows) * config.cage_iterations * config.points**2)
-    caged = replace(candidates, warps=tuple(warps), warped=result)
+    caged = replace(candidates, warps=tuple(warps), warped=torch.from_numpy(result))
     index = torch.tensor(rows)
     errors[index] = caged.errors_of(index)
     return caged, errors, torch.zeros(len(errors), dtype=torch.bool).index_fill(0, index, True)
@@ -80,7 +80,7 @@ def _fitted(
     stiff: Float[np.ndarray, "3 controls controls"],
     partial: bool,
     config: RefineConfig,
-) -> tuple[Warp, Float[Tensor, "points 3"]]:
+) -> tuple[Warp, Float[np.ndarray, "points 3"]]:
     """A cage around one source, fitted, and where it takes the source's points; `start` is the keypoints' result."""
     half = torch.maximum(surface.vertices.abs().amax(0), source.abs().amax(0))
     columns = surface.lattice_columns(source, half)
@@ -100,8 +100,7 @@ def _fitted(
         least=LEAST_SCALE,
         partial=partial,
     )
-    found = torch.from_numpy(displacement)
-    return Warp(half, found), torch.from_numpy(source.numpy() + columns.numpy() @ displacement)
+    return Warp(half, torch.from_numpy(displacement)), source.numpy() + columns.numpy() @ displacement
 
 
 def _unseen(

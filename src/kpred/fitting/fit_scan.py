@@ -29,6 +29,7 @@ from kpred.fitting.result import Candidate, Fit, Metric
 from kpred.fitting.standing import feet_missing, stood_on
 from kpred.fitting.warnings import warnings_of
 from kpred.nn import Model
+from kpred.ops.typing import Float
 from kpred.shapes.scan import check_points, read_scan
 
 MOST_POINTS = 50_000
@@ -183,10 +184,8 @@ def fit(
             feed_forward[order[0]] = before.candidates.errors_of(torch.tensor(order[:1]))[0]
         candidates = _candidates(chosen, feed_forward, errors if refine else None, order)
         entry = store.entry(candidates[0].model_id)
-        meshes = _meshes(chosen, entry, order[0])
+        meshes, keypoints = _placed(chosen, entry, order[0])
         metrics = _metrics(chosen, candidates[0], squared, known)
-        moved = chosen.candidates.result_of(order[0], entry.keypoints.astype(np.float64), np.eye(len(entry.keypoints)))
-        keypoints = chosen.frame.from_unit(moved)
         if partial and floor is not None and not known:
             up_direction = chosen.frame.rotation[1]
             lowest = float((meshes[0].vertices @ up_direction).min())
@@ -276,15 +275,20 @@ def _category_errors(tried: Sequence[Hypothesis]) -> dict[str, float]:
     return errors
 
 
-def _meshes(chosen: Hypothesis, entry: Entry, row: int) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """The deformed mesh and the retrieved one, both in the scan's frame and units."""
+def _placed(
+    chosen: Hypothesis, entry: Entry, row: int
+) -> tuple[tuple[trimesh.Trimesh, trimesh.Trimesh], Float[np.ndarray, "keypoints 3"]]:
+    """The deformed mesh and the retrieved one, and the deformed keypoints, in the scan's frame and units."""
     vertices = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
-    moved = chosen.candidates.result_of(row, vertices, entry.vertex_basis.astype(np.float64))
+    points = np.concatenate([vertices, entry.keypoints.astype(np.float64)])
+    basis = np.concatenate([entry.vertex_basis.astype(np.float64), np.eye(len(entry.keypoints))])
     place = chosen.frame.from_unit
-    return (
-        trimesh.Trimesh(place(moved), entry.mesh.faces.copy(), process=False),
+    moved = place(chosen.candidates.result_of(row, points, basis))
+    meshes = (
+        trimesh.Trimesh(moved[: len(vertices)], entry.mesh.faces.copy(), process=False),
         trimesh.Trimesh(place(vertices), entry.mesh.faces.copy(), process=False),
     )
+    return meshes, moved[len(vertices) :]
 
 
 def _metrics(chosen: Hypothesis, best: Candidate, squared: torch.Tensor, known: bool) -> tuple[Metric, ...]:
