@@ -31,7 +31,8 @@ candidate always wins: it is near to everything that could be there.
 POOL = 6
 """Candidates that are compared, those of lowest error; the others are hopeless."""
 
-ANSWER_POINTS, CANDIDATE_POINTS = 512, 1024
+ANSWER_POINTS, CANDIDATE_POINTS = 256, 1024
+"""On 70 slices of training shapes 512 answer points choose no better (0.999 of the error, 96 % the same)."""
 
 SAMPLING_NOISE = 0.05
 """Errors that differ by no more than this share are equal: another sample of the same surfaces would change as much."""
