@@ -8,7 +8,7 @@ import numpy as np
 
 from kpred.errors import ConfigError
 from kpred.fitting.pose import PoseEstimator, UprightPose, pose_estimator
-from kpred.fitting.recognise import POINTS, Reading, ask, readings, recognised
+from kpred.fitting.recognise import FIRST_POINTS, POINTS, Reading, ask, readings, recognised
 from kpred.fitting.up_axis import PRIOR, up_scores
 from kpred.fitting.upright import SAME, upright_rotation, yaw_rotation
 from kpred.nn import Recognizer
@@ -123,7 +123,7 @@ def judged(
     """Every given rotation with every category, with the recognizer's odds where there is one."""
     if recognizer is not None and set(categories) <= set(recognizer.config.categories):
         columns = [recognizer.config.categories.index(name) for name in categories]
-        return readings(rotations, ask(points[:POINTS], rotations, recognizer)[0][:, columns], categories)
+        return readings(rotations, ask(points[:FIRST_POINTS], rotations, recognizer)[0][:, columns], categories)
     odds = np.full((len(rotations), len(categories)), TURN_ODDS)
     odds[0] = 0.0
     return readings(rotations, odds, categories)
