@@ -20,6 +20,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from kpred.database.entry import DamagedArray
 from kpred.database.home import Added, Progress
+from kpred.database.lost import ConnectionLost
 from kpred.database.postgres_schema import check_tables, make_tables, revision
 from kpred.database.rows import CategoryTokens, count_tokens, new_epoch, read_tokens
 from kpred.database.search import (
@@ -54,10 +55,6 @@ _PATIENCE = (0.1, 0.3, 1.0, 2.0, 4.0, 8.0)
 
 _STARTING = ("57P01", "57P02", "57P03")
 """What a server says that is stopping or starting."""
-
-
-class ConnectionLost(DatabaseError):
-    """The server went away, or has not come back; what was not committed is not there."""
 
 
 def is_address(path: str | os.PathLike[str]) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from sqlalchemy import Connection, Select, func, select, update
+from sqlalchemy import Connection, Select, delete, func, select, update
 
 from kpred.database.entry import DamagedArray, Entry, unpack_array, unpack_frame
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
@@ -119,8 +119,12 @@ def read_epoch(connection: Connection) -> str | None:
     return None if found is None else str(found)
 
 
-def renew_epoch(connection: Connection) -> None:
-    """Tell those who keep a copy of the tokens that models have gone."""
+def delete_rows(connection: Connection, rows: Sequence[int]) -> None:
+    """Models of these rows, and categories that have none then; those who keep a copy of the tokens are told."""
+    for chunk in chunks(rows):
+        connection.execute(delete(ModelRow).where(ModelRow.id.in_(chunk)))
+    used = select(ModelRow.category_id)
+    connection.execute(delete(CategoryRow).where(CategoryRow.id.not_in(used)))
     connection.execute(update(InfoRow).where(InfoRow.key == "epoch").values(value=new_epoch()))
 
 

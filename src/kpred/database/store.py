@@ -3,48 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import RLock
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, delete, func, select
+from sqlalchemy import Connection, func, select
 
 from kpred import __version__
-from kpred.database.candidates import Candidates, ModelCache, stacked
+from kpred.database.candidates import Candidates, stacked
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
+from kpred.database.facts import facts
 from kpred.database.home import Home, Progress
-from kpred.database.postgres_home import ConnectionLost, PostgresHome, database_exists, is_address
-from kpred.database.rows import (
-    FittingArrays,
-    chunks,
-    find_rows,
-    read_entry,
-    read_fitting_arrays,
-    renew_epoch,
-)
-from kpred.database.schema import CategoryRow, InfoRow, ModelRow
+from kpred.database.kept import Kept
+from kpred.database.lost import steadily
+from kpred.database.postgres_home import PostgresHome, database_exists, is_address
+from kpred.database.rows import FittingArrays, chunks, delete_rows, find_rows, read_entry, read_fitting_arrays
+from kpred.database.schema import CategoryRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result
 from kpred.database.sqlite_home import SqliteHome
 from kpred.database.stored import StoredModel, insert_stored, read_stored, stored
 from kpred.database.weights import check_weights
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
-
-_ATTEMPTS = 4
-"""How often work is done again when the server goes away in the middle of it."""
-
-_CACHED_ARRAYS, _CACHED_ENTRIES = 4096, 128
-"""Models whose points and basis, and whose meshes too, are kept in memory: 120 kB and a few hundred kB each."""
-
-_CACHED_VERTICES = 16_384
-"""Larger meshes are read again each time."""
-
-Value = TypeVar("Value")
 
 
 class Database:
@@ -62,11 +47,7 @@ class Database:
         self._home = home
         self._open = True
         self._lock = RLock()
-        self._version: object = None
-        self._categories: tuple[str, ...] | None = None
-        self._indices: dict[str, Index] = {}
-        self._arrays: ModelCache[FittingArrays] = ModelCache(_CACHED_ARRAYS)
-        self._entries: ModelCache[Entry] = ModelCache(_CACHED_ENTRIES)
+        self._kept = Kept()
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
@@ -115,7 +96,7 @@ class Database:
         """Let go of the file and of the memory; closing twice does nothing."""
         with self._lock:
             self._open = False
-            self._forget()
+            self._kept.forget()
             self._home.close()
 
     def __enter__(self) -> Database:
@@ -142,7 +123,7 @@ class Database:
 
     def add_stored(self, models: Sequence[StoredModel]) -> int:
         """Put models of another database into this one in one transaction, to the bit; otherwise like `add`."""
-        return self._steadily(lambda lost: self._add(models, lost))
+        return steadily(lambda lost: self._add(models, lost))
 
     def _add(self, models: Sequence[StoredModel], lost: bool) -> int:
         with self._transaction(write=True) as connection:
@@ -169,11 +150,7 @@ class Database:
             rows = find_rows(connection, wanted)
             if len(rows) < len(wanted):
                 raise self._unknown([name for name in wanted if name not in rows])
-            for chunk in chunks(list(rows.values())):
-                connection.execute(delete(ModelRow).where(ModelRow.id.in_(chunk)))
-            used = select(ModelRow.category_id)
-            connection.execute(delete(CategoryRow).where(CategoryRow.id.not_in(used)))
-            renew_epoch(connection)
+            delete_rows(connection, list(rows.values()))
         return len(wanted)
 
     # Reading
@@ -188,14 +165,14 @@ class Database:
 
     def categories(self) -> tuple[str, ...]:
         """Names of the categories that have models, in alphabetical order."""
-        with self._kept() as up_to_date:
-            if up_to_date and self._categories is not None:
-                return self._categories
+        with self._up_to_date() as kept:
+            if kept is not None and kept.categories is not None:
+                return kept.categories
         with self._transaction() as connection:
-            version = self._version
+            version = self._kept.version
             names = tuple(connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)))
-            if version == self._version:
-                self._categories = names
+            if version == self._kept.version:
+                self._kept.categories = names
             return names
 
     def model_ids(self, category: str | None = None) -> tuple[str, ...]:
@@ -215,7 +192,7 @@ class Database:
 
     def entry(self, model_id: str) -> Entry:
         """All of one model, mesh and vertex basis included."""
-        entry = self._steadily(lambda _: self._read_entry(model_id))
+        entry = steadily(lambda _: self._read_entry(model_id))
         if entry is None:
             raise self._unknown([model_id])
         return entry
@@ -239,12 +216,11 @@ class Database:
         wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
         if not wanted:
             raise DatabaseError(f"Database {self.path}: no candidates were asked for; name at least one model.")
-        with self._kept() as up_to_date:
-            found = self._arrays.get(wanted) if up_to_date else {}
-            if all(name in found for name in wanted):
-                return stacked(category, wanted, found, str(self.path))
+        with self._up_to_date() as kept:
+            if kept is not None and kept.has_arrays(wanted):
+                return stacked(category, wanted, kept.arrays.get(wanted), str(self.path))
         with self._transaction() as connection:  # which forgets what is out of date
-            found = self._arrays.get(wanted)
+            found = self._kept.arrays.get(wanted)
             missing = [name for name in dict.fromkeys(wanted) if name not in found]
             found |= self._read_candidates(connection, missing)
         return stacked(category, wanted, found, str(self.path))
@@ -257,7 +233,7 @@ class Database:
         Exact, but for very many models on a server (`kpred.database.postgres_home`). Nearest first, ties by id. Fewer
         than `top_k` when the category has fewer models.
         """
-        return self._steadily(lambda _: as_result(self._index(category).ranked(tokens, weights, top_k)))
+        return steadily(lambda _: as_result(self._index(category).ranked(tokens, weights, top_k)))
 
     def prepare_search(self, progress: Progress | None = None) -> None:
         """Make what the first search of each category would make: for very many models, a token file beside the file.
@@ -269,33 +245,9 @@ class Database:
 
     def info(self) -> dict[str, Any]:
         """Facts for people and programs: path, bytes, format, maker, and per category models, weights and sizes."""
-        counts = select(ModelRow.category_id, func.count().label("models")).group_by(ModelRow.category_id).subquery()
         with self._transaction() as connection:
-            facts = {row.key: row.value for row in connection.execute(select(InfoRow))}
-            rows = connection.execute(
-                select(CategoryRow, counts.c.models)
-                .join(counts, counts.c.category_id == CategoryRow.id)
-                .order_by(CategoryRow.name)
-            ).all()
             size = self._home.bytes(connection)
-        categories = {
-            row.name: {
-                "models": row.models,
-                "fingerprint": row.fingerprint,
-                "model_name": row.model_name,
-                "keypoints": row.keypoint_count,
-                "token_size": row.token_size,
-            }
-            for row in rows
-        }
-        return {
-            "path": str(self.path),
-            "bytes": size,
-            "schema_version": int(facts["schema_version"]),
-            "created_by": facts["created_by"],
-            "models": sum(row.models for row in rows),
-            "categories": categories,
-        }
+            return {"path": str(self.path), "bytes": size, **facts(connection)}
 
     def check_model(self, model: Mapping[str, KPRed] | KPRed) -> None:
         """Raise DatabaseError when other weights made this database than those of `model`.
@@ -315,78 +267,63 @@ class Database:
                 raise DatabaseError(f"Database {self.path} is closed; open it again.")
             with self._home.transaction(write, alone) as connection:
                 version = self._home.version(connection)
-                if version != self._version:
+                if version != self._kept.version:
                     self._forget()  # another process has written
-                    self._version = version
+                    self._kept.version = version
                 try:
                     yield connection
                 finally:
                     if write:
                         self._forget()
 
-    def _steadily(self, work: Callable[[bool], Value]) -> Value:
-        """Do work that may be done again, and do it again when the server went away in the middle of it.
-
-        `work` is told whether a connection was lost before.
-        """
-        for attempt in range(_ATTEMPTS):
-            try:
-                return work(attempt > 0)
-            except ConnectionLost:
-                if attempt == _ATTEMPTS - 1:
-                    raise
-        raise AssertionError("unreachable")
-
     def _forget(self) -> None:
         with self._lock:
-            self._categories = None
-            self._indices.clear()
-            self._arrays.clear()
-            self._entries.clear()
+            self._kept.forget()
 
     @contextmanager
-    def _kept(self) -> Iterator[bool]:
-        """Whether what is kept in memory is up to date, as far as can be told without a transaction."""
+    def _up_to_date(self) -> Iterator[Kept | None]:
+        """What is kept in memory, if it is up to date as far as can be told without a transaction."""
         with self._lock:
-            yield self._open and self._version is not None and self._home.glance() == self._version
+            version = self._kept.version
+            yield self._kept if self._open and version is not None and self._home.glance() == version else None
 
     def _index(self, category: str, progress: Progress | None = None) -> Index:
-        with self._kept() as up_to_date:
-            if up_to_date and category in self._indices:
-                return self._indices[category]
+        with self._up_to_date() as kept:
+            if kept is not None and category in kept.indices:
+                return kept.indices[category]
         with self._transaction() as connection:
-            version = self._version
-            index = self._indices.get(category) or self._home.index(connection, category, progress)
+            version = self._kept.version
+            index = self._kept.indices.get(category) or self._home.index(connection, category, progress)
             if index is None:
                 names = connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)).all()
                 raise DatabaseError(
                     f"Database {self.path} has no models of category {category!r}; it has {', '.join(names) or 'none'}."
                 )
-            if version == self._version:
-                self._indices[category] = index
+            if version == self._kept.version:
+                self._kept.indices[category] = index
             return index
 
     def _read_entry(self, model_id: str) -> Entry | None:
-        with self._kept() as up_to_date:
-            entry = self._entries.get([model_id]).get(model_id) if up_to_date else None
+        with self._up_to_date() as kept:
+            entry = None if kept is None else kept.entry(model_id)
             if entry is not None:
                 return entry
         with self._transaction() as connection:  # which forgets what is out of date
-            version = self._version
-            entry = self._entries.get([model_id]).get(model_id)
+            version = self._kept.version
+            entry = self._kept.entry(model_id)
             if entry is None:
                 entry = read_entry(connection, model_id)
-                if entry is not None and len(entry.mesh.vertices) <= _CACHED_VERTICES and version == self._version:
-                    self._entries.put({model_id: entry})
+                if entry is not None and version == self._kept.version:
+                    self._kept.put_entry(entry)
             return entry
 
     def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
-        version = self._version
+        version = self._kept.version
         found = read_fitting_arrays(connection, model_ids)
         if len(found) < len(model_ids):
             raise self._unknown([name for name in model_ids if name not in found])
-        if version == self._version:  # else another thread has seen that somebody wrote meanwhile
-            self._arrays.put(found)
+        if version == self._kept.version:  # else another thread has seen that somebody wrote meanwhile
+            self._kept.arrays.put(found)
         return found
 
     def _unknown(self, model_ids: Collection[str]) -> DatabaseError:

@@ -152,11 +152,10 @@ def fit(
     with clock("deform"):
         # Where they are refined, what they were before is only told.
         if refine:
-            feed_forward = errors = chosen.candidates.errors(TOLD_POINTS)
+            errors = chosen.candidates.errors(TOLD_POINTS)
         else:
-            feed_forward, exact = chosen.candidates.closest_errors()
-            errors = feed_forward
-    judged_by = before = chosen
+            errors, exact = chosen.candidates.closest_errors()
+    feed_forward, judged_by, before = errors, chosen, chosen
     if refine:
         with clock("refine"):
             refinement = refinement or RefineConfig()
