@@ -110,3 +110,19 @@ def test_rounds_of_a_cage_are_those_of_a_slow_reference(partial: bool, rounds: i
         moved = source + (columns.double() @ expected.T).float()
     assert np.allclose(found, expected.T, atol=2e-4)
     assert np.abs(found).max() > 0.005
+
+
+def test_a_cage_without_stiffness_stays_finite(generator: torch.Generator) -> None:
+    # Control points that all do the same: the normal matrix is singular.
+    column = torch.rand(90, 1, generator=generator)
+    source, goal = torch.rand(90, 3, generator=generator), torch.rand(80, 3, generator=generator)
+    found = fitted_cage(
+        *(part.numpy() for part in (column.expand(-1, 8), source, source, torch.zeros(90), goal)),
+        np.zeros((3, 8, 8)),
+        rounds=2,
+        asked_in_turn=2,
+        robust=25.0,
+        least=LEAST_SCALE,
+        partial=False,
+    )
+    assert np.isfinite(found).all()

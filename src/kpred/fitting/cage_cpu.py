@@ -11,6 +11,7 @@ from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.ops.weighted_sums_cpu import add_wanted, robust_weights
 
 FASTMATH = {"nnan", "nsz", "contract", "reassoc"}
+LEAST_PIVOT = 1e-12
 
 
 def fitted_cage(
@@ -116,13 +117,16 @@ def _normal(across, wanted):
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def _cholesky(normal, stiff, factor):
-    """Fills the lower half of `factor` (L, L) with that of normal + stiff, float64."""
+    """Fills the lower half of `factor` (L, L) with that of normal + stiff, float64.
+
+    The normal matrix is of single precision, which with next to no stiffness may leave a pivot below 0.
+    """
     for i in range(len(factor)):
         for j in range(i + 1):
             total = normal[i, j] + stiff[i, j]
             for k in range(j):
                 total -= factor[i, k] * factor[j, k]
-            factor[i, j] = np.sqrt(total) if i == j else total / factor[j, j]
+            factor[i, j] = np.sqrt(max(total, LEAST_PIVOT)) if i == j else total / factor[j, j]
 
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
