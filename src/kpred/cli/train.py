@@ -15,6 +15,7 @@ from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
 from kpred.cli.processes import own_device, together
 from kpred.cli.train_peer import PEER_COMMANDS
+from kpred.cli.train_visibility import VisibilityCommand
 from kpred.cli.usage import UsageError
 from kpred.nn.config import PRESETS, ModelConfig
 from kpred.training.config import PAPER, TrainConfig
@@ -253,6 +254,7 @@ COMMAND = Group(
         "partial": PartialCommand,
         "all": AllCommand,
         "recognition": RecognitionCommand,
+        "visibility": VisibilityCommand,
         "peer": PEER_COMMANDS,
     }
 )

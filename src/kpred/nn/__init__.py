@@ -5,9 +5,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kpred.nn.config import PRESETS, ModelConfig, preset
-    from kpred.nn.loading import Model, load_model, load_network, load_recognizer, save_network, save_recognizer
+    from kpred.nn.loading import (
+        Model,
+        load_model,
+        load_network,
+        load_recognizer,
+        load_visibility,
+        save_network,
+        save_recognizer,
+        save_visibility,
+    )
     from kpred.nn.model import STAGES, KPRed
     from kpred.nn.recognizer import Recognizer, RecognizerConfig
+    from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
 
 __all__ = [
     "PRESETS",
@@ -17,12 +27,16 @@ __all__ = [
     "ModelConfig",
     "Recognizer",
     "RecognizerConfig",
+    "VisibilityConfig",
+    "VisibilityNetwork",
     "load_model",
     "load_network",
     "load_recognizer",
+    "load_visibility",
     "preset",
     "save_network",
     "save_recognizer",
+    "save_visibility",
 ]
 
 _HOME = {
@@ -33,12 +47,16 @@ _HOME = {
     "ModelConfig": "kpred.nn.config",
     "Recognizer": "kpred.nn.recognizer",
     "RecognizerConfig": "kpred.nn.recognizer",
+    "VisibilityConfig": "kpred.nn.visibility",
+    "VisibilityNetwork": "kpred.nn.visibility",
     "load_model": "kpred.nn.loading",
     "load_network": "kpred.nn.loading",
     "load_recognizer": "kpred.nn.loading",
+    "load_visibility": "kpred.nn.loading",
     "preset": "kpred.nn.config",
     "save_network": "kpred.nn.loading",
     "save_recognizer": "kpred.nn.loading",
+    "save_visibility": "kpred.nn.loading",
 }
 
 

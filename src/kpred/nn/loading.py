@@ -20,6 +20,7 @@ from kpred.errors import ConfigError, ModelError, OutputError
 from kpred.nn.config import ModelConfig
 from kpred.nn.model import KPRed
 from kpred.nn.recognizer import Recognizer, RecognizerConfig
+from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
 
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -29,6 +30,10 @@ RECOGNIZER = "recognizer"
 
 SECOND = "second"
 """Folder of another recognizer in the first one's."""
+
+VISIBILITY = "visibility"
+"""Folder of the visibility network beside the categories' folders."""
+
 WEIGHTS_FILE = "model.safetensors"
 
 
@@ -37,11 +42,13 @@ class Model(Mapping[str, KPRed]):
     """Networks of one or several categories under one name; a mapping from category to `KPRed`.
 
     `recognizer` tells category and yaw of a scan, where the model has one; without it both are found by fitting.
+    `visibility` predicts where a scanner would have seen surface, where the model has such a network.
     """
 
     name: str
     networks: dict[str, KPRed]
     recognizer: Recognizer | None = None
+    visibility: VisibilityNetwork | None = None
 
     def __getitem__(self, category: str) -> KPRed:
         """The category's networks.
@@ -78,6 +85,8 @@ class Model(Mapping[str, KPRed]):
             network.to(device)
         if self.recognizer is not None:
             self.recognizer.to(device)
+        if self.visibility is not None:
+            self.visibility.to(device)
         return self
 
 
@@ -93,8 +102,8 @@ def bundled_model_path(name: str = "bundled") -> Path:
 def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
     """Load weights: None or a name in `BUNDLED` for those of the package, else a folder, else a repository on the Hub.
 
-    A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there is
-    one, `recognizer`.
+    A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there are
+    any, `recognizer` and `visibility`.
 
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
@@ -113,12 +122,18 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)
         return Model(name, {network.config.category: network})
-    parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file() and part.name != RECOGNIZER)
+    common = (RECOGNIZER, VISIBILITY)
+    parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file() and part.name not in common)
     if not parts:
         raise ModelError(f"No weights in {folder}: expected {CONFIG_FILE} and {WEIGHTS_FILE}, or a folder a category.")
     networks = {network.config.category: network for network in (load_network(part, device) for part in parts)}
-    with_recognizer = (folder / RECOGNIZER / CONFIG_FILE).is_file()
-    return Model(name, networks, load_recognizer(folder / RECOGNIZER, device) if with_recognizer else None)
+    with_recognizer, with_visibility = ((folder / part / CONFIG_FILE).is_file() for part in common)
+    return Model(
+        name,
+        networks,
+        load_recognizer(folder / RECOGNIZER, device) if with_recognizer else None,
+        load_visibility(folder / VISIBILITY, device) if with_visibility else None,
+    )
 
 
 def load_network(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> KPRed:
@@ -145,6 +160,15 @@ def load_recognizer(folder: str | os.PathLike[str], device: torch.device | str =
         if network.second.config.categories != network.config.categories:
             raise ModelError(f"{folder / SECOND} knows other categories than {folder}; copy both again.")
     return network
+
+
+def load_visibility(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> VisibilityNetwork:
+    """Load a visibility network from its folder, in evaluation mode, single precision, without gradients.
+
+    Raises:
+        ModelError: if a file is missing, truncated or does not fit the other.
+    """
+    return load_weights(Path(folder), lambda values: VisibilityNetwork(VisibilityConfig.from_dict(values)), device)
 
 
 def load_weights(folder: Path, build: Callable[[dict[str, Any]], Network], device: torch.device | str) -> Network:
@@ -195,6 +219,15 @@ def save_recognizer(network: Recognizer, folder: str | os.PathLike[str]) -> None
         OutputError: if the folder cannot be written.
     """
     save_weights(network, network.config.to_dict(), Path(folder), torch.float16, leave_out=f"{SECOND}.")
+
+
+def save_visibility(network: VisibilityNetwork, folder: str | os.PathLike[str]) -> None:
+    """Write config.json and model.safetensors in half precision, each file atomically.
+
+    Raises:
+        OutputError: if the folder cannot be written.
+    """
+    save_weights(network, network.config.to_dict(), Path(folder), torch.float16)
 
 
 def save_weights(

@@ -1,0 +1,153 @@
+"""Expected visibility: how surely surface at a place would have been seen by the scanner that made a cloud."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from kpred.errors import ConfigError
+from kpred.nn.context import ContextBlock
+from kpred.ops.nearest import nearest_neighbours
+from kpred.ops.sampling import at_even_steps
+from kpred.ops.typing import Float
+
+QUERY_RANGE = 3.0
+"""Queries farther from the middle than this many half sides of the scan's box are moved to that distance, per axis."""
+
+KEY_SIZE = 32
+"""Channels of keys and values that places attend to."""
+
+GRID_POINTS = 512
+"""Points of a scan that are enough for a grid."""
+
+
+@dataclass(frozen=True)
+class VisibilityConfig:
+    """Architecture of a visibility network.
+
+    Attributes:
+        width: channels of the point and query features.
+        blocks: context blocks.
+    """
+
+    width: int = 96
+    blocks: int = 1
+
+    def __post_init__(self) -> None:
+        if self.width < 1 or self.blocks < 0:
+            raise ConfigError(
+                f"A visibility network needs a positive width and no negative number of blocks, but has {self.width} "
+                f"and {self.blocks}."
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for config.json and checkpoints."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> VisibilityConfig:
+        """Return the config written by `to_dict`.
+
+        Raises:
+            ConfigError: if a key is unknown or a value cannot be.
+        """
+        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
+        if unknown:
+            raise ConfigError(f"Visibility config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
+        try:
+            return cls(**{name: int(value) for name, value in values.items()})
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"This is no visibility config ({error!r}); train or copy it again.") from error
+
+
+class VisibilityNetwork(nn.Module):
+    """PointNet with context blocks over a scan, and a decoder of places around it.
+
+    A place is decoded from the scan's feature, its position, its offset from the nearest scan point, the feature of that
+    point, and what it attends to among all points. Scans and places are in one frame of any unit, y up, front about +z.
+    """
+
+    def __init__(self, config: VisibilityConfig) -> None:
+        super().__init__()
+        self.config = config
+        width = config.width
+        self.local = nn.ModuleList([nn.Linear(3, 64), nn.Linear(64, width)])
+        self.context = nn.ModuleList([ContextBlock(width) for _ in range(config.blocks)])
+        self.wide = nn.Linear(width, 2 * width)
+        self.shape = nn.ModuleList([nn.Linear(4 * width, 2 * width), nn.Linear(2 * width, width)])
+        self.nearest = nn.Linear(width, width, bias=False)
+        self.place = nn.Linear(7, width)
+        # Scores are bilinear: with |p|^2 beside p they can express distances, which lets places attend by position.
+        self.query = nn.Linear(width + 3, KEY_SIZE)
+        self.key_value = nn.Linear(width + 4, 2 * KEY_SIZE)
+        self.attended = nn.Linear(KEY_SIZE, width)
+        self.decoder = nn.ModuleList([nn.Linear(width, width), nn.Linear(width, width)])
+        self.output = nn.Linear(width, 1)
+
+    def forward(
+        self, points: Float[Tensor, "batch points 3"], queries: Float[Tensor, "batch queries 3"]
+    ) -> Float[Tensor, "batch queries"]:
+        """Predict logits of visibility at queries (unit of the points)."""
+        middle, half = robust_box(points)
+        scan = (points - middle) / half
+        places = ((queries - middle) / half).clamp(-QUERY_RANGE, QUERY_RANGE)
+        features, shape = self._encode(scan)
+        squared, index = nearest_neighbours(places, scan)
+        offset = places - torch.gather(scan, 1, index[..., None].expand(-1, -1, 3))
+        near = self.nearest(features)
+        near = torch.gather(near, 1, index[..., None].expand(-1, -1, near.shape[2]))
+        inputs = torch.cat([places, offset, squared.sqrt()[..., None].to(places)], dim=2)
+        decoded = functional.leaky_relu(self.place(inputs) + near + shape[:, None], 0.1)
+        query = self.query(torch.cat([decoded, places], dim=2))
+        located = torch.cat([features, scan, scan.square().sum(2, keepdim=True)], dim=2)
+        key, value = self.key_value(located).chunk(2, dim=2)
+        decoded = decoded + self.attended(functional.scaled_dot_product_attention(query, key, value))
+        for layer in self.decoder:
+            decoded = functional.leaky_relu(layer(decoded), 0.1)
+        return self.output(decoded)[..., 0]
+
+    def _encode(self, scan: Tensor) -> tuple[Tensor, Tensor]:
+        """Features of the points (batch, points, width), and of the scan (batch, width)."""
+        features = scan
+        for layer in self.local:
+            features = functional.leaky_relu(layer(features), 0.1)
+        for block in self.context:
+            features = block(features)
+        wide = functional.leaky_relu(self.wide(features), 0.1)
+        shape = torch.cat([wide.amax(1), wide.mean(1)], dim=1)
+        shape = functional.leaky_relu(self.shape[0](shape), 0.1)
+        return features, self.shape[1](shape)
+
+    @torch.inference_mode()
+    def grid(
+        self,
+        points: Float[Tensor, "points 3"],
+        size: int,
+        low: Float[Tensor, "3"],
+        high: Float[Tensor, "3"],
+    ) -> Float[Tensor, "size size size"]:
+        """Predict probabilities of visibility at grid nodes, x by y by z, over a box (unit of the points).
+
+        The first nodes lie at `low`, the last at `high`. Of many points, every n-th is used, `GRID_POINTS` or more.
+        """
+        used = at_even_steps(points, GRID_POINTS)
+        steps = torch.linspace(0.0, 1.0, size, dtype=points.dtype, device=points.device)
+        axes = low[:, None] + (high - low)[:, None] * steps
+        nodes = torch.cartesian_prod(*axes)
+        return torch.sigmoid(self(used[None], nodes[None]))[0].view(size, size, size)
+
+
+def robust_box(
+    points: Float[Tensor, "batch points 3"],
+) -> tuple[Float[Tensor, "batch 1 3"], Float[Tensor, "batch 1 1"]]:
+    """Measure the middle, and half the longest side, of the box of each cloud's middle 96 % along each axis."""
+    ordered = points.sort(dim=1).values
+    cut = points.shape[1] // 50
+    low, high = ordered[:, cut], ordered[:, points.shape[1] - 1 - cut]
+    half = ((high - low).amax(1) / 2).clamp(min=torch.finfo(points.dtype).tiny)
+    return ((low + high) / 2)[:, None], half[:, None, None]

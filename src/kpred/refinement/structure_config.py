@@ -1,0 +1,36 @@
+"""Settings of the structure-keeping deformation; they need no other package, so that the command line is quick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class StructureConfig:
+    """How a model is deformed without bending what is flat, straight, square or mirrored in it.
+
+    Weights are relative to that of the scan's points, which is 1 in all.
+
+    Attributes:
+        controls: of the B-spline along each axis.
+        iterations: rounds of nearest neighbours and least squares.
+        points: of the source and of the scan that are used in each round.
+        smoothness: weight of second differences of the spline's controls; ridge: of the controls themselves.
+        part_ridge: weight of a part's own motion and growth; contact: of the gap that opens at a contact.
+        thickness: weight of the growth of boards seen from one side.
+        unseen: weight of the pull of unseen surface toward where the keypoints put it.
+        robust: a point farther than this many times the median distance counts less and less.
+    """
+
+    controls: int = 16
+    iterations: int = 12
+    points: int = 1024
+    smoothness: float = 1e-5
+    ridge: float = 1e-7
+    part_ridge: float = 1e-5
+    contact: float = 1.0
+    sliding: float = 3e-3
+    lean_gain: float = 3e-5
+    thickness: float = 1.0
+    unseen: float = 1.0
+    robust: float = 20.0

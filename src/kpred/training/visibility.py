@@ -1,0 +1,143 @@
+"""Training of the visibility network: scans of known scanners, and whether they would have seen places around."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from kpred.nn.loading import save_visibility
+from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
+from kpred.ops.typing import Float, Int
+from kpred.shapes.atomic import atomic_path
+from kpred.shapes.pack import MeshPack
+from kpred.training.augmentation import in_full_precision, random_factors, yaw_matrices
+from kpred.training.data import Progress
+from kpred.training.distributed import ALONE, World
+from kpred.training.loop import StepReport, optimise, resumable
+from kpred.training.single_stage import SingleStage
+from kpred.training.visibility_config import VisibilityTraining
+from kpred.training.visibility_data import VisibilityData, prepare_visibility
+from kpred.training.visibility_scans import draw_kinds, draw_visible, sample_scans
+
+YAW = math.radians(10.0)
+"""Largest yaw of a scan that is about canonical."""
+
+BOX = 1.15
+"""Half side of the box of random places, in half sides of a shape's box."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class VisibilityBatch:
+    """Scans, places around them in the same frame, whether a place would have been seen (1 or 0), and scan kinds.
+
+    The places are three equal groups: of the own surface, of another shape's, of the box.
+    """
+
+    scans: Float[Tensor, "batch points 3"]
+    places: Float[Tensor, "batch places 3"]
+    labels: Float[Tensor, "batch places"]
+    kind: Int[Tensor, " batch"]
+
+
+class VisibilityStage(SingleStage[VisibilityTraining]):
+    """Cross-entropy of the visibility of places around scans."""
+
+    name = "visibility"
+
+    def __init__(self, network: VisibilityNetwork, data: VisibilityData, config: VisibilityTraining) -> None:
+        self.network, self.data, self.config = network, data, config
+
+    def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
+        """Compute the loss (nats a place) of one random batch."""
+        batch = draw_batch(self.data, self.config, generator)
+        logits = self.network(batch.scans, batch.places)
+        return {"visibility": functional.binary_cross_entropy_with_logits(logits.float(), batch.labels)}
+
+
+@in_full_precision
+def draw_batch(data: VisibilityData, config: VisibilityTraining, generator: torch.Generator) -> VisibilityBatch:
+    """Draw scans (about unit box) of random shapes by random scanners, and labelled places around them."""
+    count = config.optimisation.batch
+    options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
+    rows, others = data.draw(count, generator)
+    factors = random_factors(count, config.stretch, generator)
+    # Places are no points of the scan, which would be a little nearer to it than a surface is.
+    third = config.queries // 3
+    own, dense = (data.clouds[rows].float() * factors).split([third, data.clouds.shape[1] - third], dim=1)
+    other = data.clouds[others, :third].float() * factors
+    places = _draw_places(own, other, config, generator)
+    kind = draw_kinds(config, count, generator)
+    visible = draw_visible(dense, places, kind, config, generator)
+    # Sizes of scans are spread evenly on a logarithmic scale.
+    size = math.exp(float(torch.rand(1, **options)) * math.log(config.points / config.min_points)) * config.min_points
+    scans = sample_scans(dense, visible.points, round(size), config, generator)
+    near = YAW * (2 * torch.rand(count, **options) - 1)
+    anywhere = 2 * math.pi * torch.rand(count, **options)
+    yaw = torch.where(torch.rand(count, **options) < config.rotated, anywhere, near)
+    rotation = yaw_matrices(yaw).mT
+    return VisibilityBatch(scans @ rotation, places @ rotation, visible.places.float(), kind)
+
+
+def _draw_places(own: Tensor, other: Tensor, config: VisibilityTraining, generator: torch.Generator) -> Tensor:
+    """Places on the own surface, on the other one, and in the box, a third each."""
+    options: dict[str, Any] = {"generator": generator, "device": own.device}
+    surfaces = torch.cat([own, other], dim=1)
+    level = config.misplaced * torch.rand(*surfaces.shape[:2], 1, **options)
+    level = torch.where(torch.rand(level.shape, **options) < 0.5, level, 0.0)
+    surfaces = surfaces + level * torch.randn(surfaces.shape, **options)
+    extent = own.abs().amax(1, keepdim=True)
+    box = BOX * extent * (2 * torch.rand(len(own), config.queries - surfaces.shape[1], 3, **options) - 1)
+    return torch.cat([surfaces, box], dim=1)
+
+
+def train_visibility(
+    packs: Sequence[MeshPack],
+    config: VisibilityTraining,
+    folder: Path,
+    device: torch.device | str = "cpu",
+    progress: Progress | None = None,
+    report: StepReport | None = None,
+    resume: bool = True,
+    model: VisibilityConfig | None = None,
+    world: World = ALONE,
+) -> VisibilityNetwork:
+    """Train a visibility network on shapes of all packs and leave its weights in `folder/model`.
+
+    A stopped run goes on exactly where it was. `world`: as in `kpred.training.run.train`.
+
+    Raises:
+        PackError: if the packs hold too few shapes.
+        CheckpointError: if the folder holds a checkpoint of another configuration.
+        OutputError: if the folder cannot be written.
+    """
+    data = world.share(lambda: prepare_visibility(packs, config.seed, device, progress), device)
+    architecture = model or VisibilityConfig()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        network = VisibilityNetwork(architecture).to(device)
+    where = data.clouds.device
+    known = architecture.to_dict()
+    checkpoint = resumable(folder, "visibility", known, config.to_dict(), where, world) if resume else None
+    if checkpoint:
+        network.load_state_dict(checkpoint.weights)
+    optimise(VisibilityStage(network, data, config), checkpoint, folder, where, 4, report, world=world)
+    if not world.is_first:
+        return network
+    save_visibility(network, folder / "model")
+    numbers = torch.bincount(data.category, minlength=len(data.categories)).tolist()
+    record = {
+        "model": known,
+        "training": config.to_dict(),
+        "shapes": dict(zip(data.categories, numbers, strict=True)),
+    }
+    with atomic_path(folder / "model" / "training.json") as temporary:
+        temporary.write_text(json.dumps(record, indent=2) + "\n")
+    return network
