@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from typing import Any
 
 import numba
@@ -15,6 +16,25 @@ import torch
 from kpred.database.entry import Entry
 from kpred.ops.frames import Frame
 from kpred.shapes.mesh import Mesh
+from kpred.shapes.structure import Structure
+
+
+def random_structure(rng: np.random.Generator, vertices: int, faces: int, parts: int = 3) -> Structure:
+    """A structure of random numbers within their limits; the first part lies along the axes, the others do not."""
+    axes = np.linalg.qr(rng.normal(size=(parts, 3, 3)))[0]
+    axes[0] = np.eye(3)
+    return Structure(
+        vertex_parts=rng.integers(0, parts, vertices).astype(np.int32),
+        facets=rng.integers(-1, max(faces, 1), faces).astype(np.int32),
+        axes=axes,
+        boxes=np.sort(rng.uniform(-1, 1, size=(parts, 2, 3)), axis=1),
+        curved=rng.random(parts) < 0.5,
+        contact_parts=np.repeat(rng.integers(0, parts, (2, 2)), 2, axis=0).astype(np.int32),
+        contact_points=rng.uniform(-1, 1, size=(4, 3)),
+        mirror=float(rng.choice([0.03, np.nan])),
+        mirrored_parts=rng.integers(-1, parts, parts).astype(np.int32),
+        affine_ranges=np.array([[0, 1, -0.5, 0.25], [parts - 1, 2, 0.1, 0.1]]),
+    )
 
 
 def random_entry(
@@ -33,6 +53,7 @@ def random_entry(
     """An entry of random numbers, of the precision a database keeps."""
     rng = np.random.default_rng([seed, *model_id.encode()])
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    normals = rng.normal(size=(points, 3))
     mesh = Mesh(
         rng.normal(size=(vertices, 3)),
         rng.integers(0, vertices, size=(faces, 3)),
@@ -50,8 +71,16 @@ def random_entry(
         tokens=rng.normal(size=(keypoints, token_size)).astype(np.float32),
         point_basis=rng.uniform(-0.2, 0.8, size=(points, keypoints)).astype(np.float32),
         vertex_basis=rng.uniform(-0.2, 0.8, size=(vertices, keypoints)).astype(np.float32),
+        structure=random_structure(rng, vertices, faces),
+        point_parts=rng.integers(0, 3, points).astype(np.int16),
+        point_normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
         fingerprint=fingerprint,
     ).rounded()
+
+
+def _structure_pairs(a: Structure, b: Structure) -> Iterator[tuple[str, tuple[np.ndarray, np.ndarray]]]:
+    for one in fields(Structure):
+        yield one.name, (np.asarray(getattr(a, one.name)), np.asarray(getattr(b, one.name)))
 
 
 def assert_same(a: Entry, b: Entry) -> None:
@@ -67,6 +96,9 @@ def assert_same(a: Entry, b: Entry) -> None:
         "tokens": (a.tokens, b.tokens),
         "point_basis": (a.point_basis, b.point_basis),
         "vertex_basis": (a.vertex_basis, b.vertex_basis),
+        "point_parts": (a.point_parts, b.point_parts),
+        "point_normals": (a.point_normals, b.point_normals),
+        **dict(_structure_pairs(a.structure, b.structure)),
     }
     if a.mesh.face_parts is not None or b.mesh.face_parts is not None:
         pairs["face_parts"] = (a.mesh.face_parts, b.mesh.face_parts)

@@ -7,25 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kpred.database.entry import (
-    POINT_STEP,
-    VERTEX_BASIS_STEP,
-    DamagedArray,
-    pack_array,
-    pack_arrays,
-    pack_frame,
-    unpack_array,
-    unpack_frame,
-)
+from kpred.database.arrays import DamagedArray, pack_array, unpack_array
+from kpred.database.entry import POINT_STEP, VERTEX_BASIS_STEP, pack_arrays, pack_frame, unpack_frame
 from kpred.errors import DatabaseError
 
 shapes = st.lists(st.integers(0, 9), min_size=1, max_size=3).map(tuple)
 
 
-@given(shapes, st.sampled_from(["<f4", "<i4", "<u2", "<i2"]), st.integers(0, 2**32 - 1))
+@given(shapes, st.sampled_from(["<f4", "<i4", "<u2", "<i2", "<u1", "<i1"]), st.integers(0, 2**32 - 1))
 def test_arrays_come_back_to_the_bit(shape, dtype, seed):
     rng = np.random.default_rng(seed)
-    array = rng.integers(0, 30000, size=shape).astype(dtype)
+    array = rng.integers(0, 30000 if dtype[2] != "1" else 128, size=shape).astype(dtype)
     back = unpack_array(**pack_array(array, dtype))
     assert back.shape == shape
     assert back.flags.writeable
@@ -46,6 +38,10 @@ def test_stepped_arrays_are_within_half_a_step_at_any_magnitude(shape, step, siz
 
 def test_like_numbers_are_compressed_and_noise_is_left_alone(rng):
     assert pack_array(np.linspace(0, 1, 999), "<i2", POINT_STEP)["codec"] == "shuffle-zlib"
+    coordinates = np.stack([np.full(500, 0.1), np.full(500, 0.7), np.linspace(0, 1, 500)], axis=1)
+    columns = pack_array(coordinates, "<f4")
+    assert columns["codec"] == "columns-zlib"
+    np.testing.assert_array_equal(unpack_array(**columns), coordinates.astype(np.float32))
     noise = rng.integers(0, 256, size=(500, 4), dtype=np.uint8).view("<i4")
     assert pack_array(noise, "<i4")["codec"] == "raw"
 
@@ -54,6 +50,9 @@ def test_a_cut_blob_is_an_error_and_not_wrong_numbers():
     packed = pack_array(np.linspace(0, 1, 999), "<i2", POINT_STEP)
     with pytest.raises(DamagedArray):
         unpack_array(**{**packed, "data": packed["data"][:-7]})
+    for change in ({"codec": "lz4"}, {"shape": "998"}, {"shape": "x"}, {"dtype": "nothing"}):
+        with pytest.raises(DamagedArray):
+            unpack_array(**{**packed, **change})
 
 
 def test_frame_comes_back_to_the_bit(random_entry):
@@ -84,6 +83,10 @@ def test_meshes_of_many_vertices_keep_their_faces(random_entry):
         ({"point_basis": np.zeros((63, 12), np.float32)}, "point_basis"),
         ({"vertex_basis": np.full((20, 12), np.nan, np.float32)}, "vertex_basis"),
         ({"tokens": np.full((12, 128), 1e6, np.float32)}, "float16"),
+        ({"point_parts": np.zeros(63, np.int16)}, "point_parts"),
+        ({"point_parts": np.full(64, 3, np.int16)}, "point_parts.*0 to 2"),
+        ({"point_normals": np.full((64, 3), np.nan, np.float32)}, "point_normals"),
+        ({"point_normals": np.full((64, 3), 2.0, np.float32)}, "point_normals"),
     ],
 )
 def test_arrays_that_do_not_fit_each_other_are_refused(random_entry, change, word):

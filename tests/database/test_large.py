@@ -1,8 +1,6 @@
 """A category of many models: the token file is made, trusted, extended and made anew as the database changes."""
 
 import shutil
-import sqlite3
-from contextlib import closing
 
 import numpy as np
 import pytest
@@ -98,26 +96,3 @@ def test_where_no_file_can_be_written_tokens_stay_in_memory(path, random_entry):
             check(database, random_entry, names)
         database.add([random_entry("late")])
         check(database, random_entry, [*names, "late"])  # no second warning: the table in memory is still of use
-
-
-def test_format_1_is_read_and_brought_up_to_date_by_the_first_write(path, random_entry):
-    with closing(sqlite3.connect(path)) as connection:
-        connection.execute("DELETE FROM info WHERE key = 'epoch'")
-        connection.execute("UPDATE info SET value = '1' WHERE key = 'schema_version'")
-        connection.execute("PRAGMA user_version = 1")
-        connection.commit()
-    before = path.read_bytes()
-    names = [f"c{i:03d}" for i in range(40)]
-    for read_only in (True, False):
-        with Database.open(path, read_only=read_only) as database:
-            check(database, random_entry, names)
-            assert database.info()["schema_version"] == 1
-    assert path.read_bytes() == before
-    assert not token_file(path).exists()  # nothing in format 1 would tell when it is out of date
-    with Database.open(path) as database:
-        database.add([random_entry("new")])
-        assert database.info()["schema_version"] == 2
-        check(database, random_entry, [*names, "new"])
-    assert token_file(path).exists()
-    with closing(sqlite3.connect(path)) as connection:
-        assert connection.execute("PRAGMA user_version").fetchone() == (2,)

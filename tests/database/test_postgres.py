@@ -3,13 +3,17 @@
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kpred.database import Database, postgres_home
+from kpred.database import Database, postgres_home, update_database
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
+
+ADDED = ("structure", "point_parts", "point_normals")
+"""What format 3 added to an entry."""
 
 
 def check_search(database, random_entry, names, **sizes):
@@ -32,7 +36,8 @@ def test_the_same_answers_as_a_file(address, random_entry, assert_same, tmp_path
         for database in (server, file):
             assert database.add(entries, model_name="tiny") == 8
         for entry in entries:
-            assert_same(server.entry(entry.model_id), file.entry(entry.model_id))
+            assert_same(server.entry(entry.model_id), entry)
+            assert_same(file.entry(entry.model_id), entry)
             assert server.metadata(entry.model_id) == entry.metadata
         assert server.model_ids() == file.model_ids()
         assert server.model_ids("chair") == file.model_ids("chair")
@@ -43,6 +48,10 @@ def test_the_same_answers_as_a_file(address, random_entry, assert_same, tmp_path
         left, right = server.candidates("chair"), file.candidates("chair")
         np.testing.assert_array_equal(left.points, right.points)
         np.testing.assert_array_equal(left.point_basis, right.point_basis)
+        np.testing.assert_array_equal(left.point_parts, right.point_parts)
+        np.testing.assert_array_equal(left.point_normals, right.point_normals)
+        for one, other in zip(left.structures, right.structures, strict=True):
+            np.testing.assert_array_equal(one.axes, other.axes)
         assert server.remove(["t", "Z"]) == 2
         assert server.categories() == ("chair",)
         assert "Z" not in server
@@ -144,24 +153,47 @@ def test_a_writer_that_is_killed_leaves_what_it_had_committed(address, random_en
         check_search(database, random_entry, ["kept", "lost"])
 
 
-def test_older_tables_are_brought_up_to_date_and_newer_ones_refused(address, random_entry):
+def test_older_tables_are_refused_and_updated_and_newer_ones_refused(address, random_entry, assert_same):
     names = ["a", "b", "c"]
     with Database.create(address) as database:
         database.add([random_entry(name) for name in names])
         with database._transaction(write=True) as connection:
             connection.exec_driver_sql("DROP TABLE embedding")
+            connection.exec_driver_sql(
+                "DELETE FROM \"array\" WHERE name LIKE 'structure.%%' OR name IN ('point_parts', 'point_normals')"
+            )
             connection.exec_driver_sql("UPDATE kpred_version SET version_num = '0001'")
-    with pytest.raises(DatabaseError, match="0001, older"):
-        Database.open(address, read_only=True)
+
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        update_database(address, progress=stop)
+    for read_only in (True, False):
+        with pytest.raises(DatabaseError, match="0001, older.*kpred database update postgresql:"):
+            Database.open(address, read_only=read_only)
+    assert update_database(address) == len(names)
+    assert update_database(address) == 0
     with Database.open(address) as database:
         check_search(database, random_entry, names)
         database.add([random_entry("d")])
         with database._transaction() as connection:
             assert connection.exec_driver_sql("SELECT count(*) FROM embedding").scalar_one() == 4
+        assert database.info()["schema_version"] == 3
+        for name in names:
+            entry = database.entry(name)
+            entry.check()
+            assert_same(replace(random_entry(name), **{field: getattr(entry, field) for field in ADDED}), entry)
         with database._transaction(write=True) as connection:
             connection.exec_driver_sql("UPDATE kpred_version SET version_num = '9999'")
-    with pytest.raises(DatabaseError, match="9999, newer.*upgrade"):
-        Database.open(address)
+    for use in (Database.open, update_database):
+        with pytest.raises(DatabaseError, match="9999, newer.*upgrade"):
+            use(address)
+
+
+def test_a_server_without_tables_is_not_updated(address):
+    with pytest.raises(DatabaseError, match="holds no kpred database"):
+        update_database(address)
 
 
 def test_addresses_that_lead_nowhere(server):

@@ -15,7 +15,7 @@ from kpred.nn import (
     save_network,
     save_visibility,
 )
-from kpred.nn.visibility import GRID_POINTS, QUERY_RANGE, robust_box
+from kpred.nn.visibility import QUERY_RANGE, SCAN_POINTS, robust_box
 from kpred.ops.trilinear import interpolate_grid
 
 CONFIG = VisibilityConfig(width=16, blocks=1)
@@ -81,8 +81,8 @@ def test_grid_agrees_with_queries_at_its_nodes(network: VisibilityNetwork, cloud
         assert float(interpolated[0]) == pytest.approx(float(expected), abs=1e-5)
 
 
-def test_a_grid_uses_every_nth_of_many_points(network: VisibilityNetwork, generator: torch.Generator) -> None:
-    many = torch.randn(3 * GRID_POINTS, 3, generator=generator)
+def test_a_grid_uses_points_at_even_steps_of_many(network: VisibilityNetwork, generator: torch.Generator) -> None:
+    many = torch.randn(3 * SCAN_POINTS, 3, generator=generator)
     torch.testing.assert_close(network.grid(many, 3, LOW, HIGH), network.grid(many[::3], 3, LOW, HIGH))
 
 

@@ -63,16 +63,16 @@ def test_kinds_are_drawn_by_their_fractions(generator: torch.Generator) -> None:
 
 
 def test_a_whole_scan_sees_everything(ball: torch.Tensor, generator: torch.Generator) -> None:
-    visible = draw_visible(ball, ball[:, :500], torch.zeros(2, dtype=torch.long), CONFIG, generator)
-    assert visible.points.all() and visible.places.all()
+    visible = draw_visible(ball, ball, ball[:, :500], torch.zeros(2, dtype=torch.long), CONFIG, generator)
+    assert visible.candidates.all() and visible.places.all()
 
 
 def test_a_plane_hides_its_fraction_and_one_half_space(ball: torch.Tensor, generator: torch.Generator) -> None:
     config = dataclasses.replace(CONFIG, hidden=(0.3, 0.3))
     places = 3 * torch.randn(2, 500, 3, generator=generator)
-    visible = draw_visible(ball, places, torch.ones(2, dtype=torch.long), config, generator)
-    assert torch.allclose(visible.points.float().mean(1), torch.full((2,), 0.7), atol=1e-3)
-    for cloud, seen, place, place_seen in zip(ball, visible.points, places, visible.places, strict=True):
+    visible = draw_visible(ball, ball, places, torch.ones(2, dtype=torch.long), config, generator)
+    assert torch.allclose(visible.candidates.float().mean(1), torch.full((2,), 0.7), atol=1e-3)
+    for cloud, seen, place, place_seen in zip(ball, visible.candidates, places, visible.places, strict=True):
         normal = torch.nn.functional.normalize(cloud[seen].mean(0) - cloud[~seen].mean(0), dim=0)
         level = ((cloud[seen] @ normal).min() + (cloud[~seen] @ normal).max()) / 2
         # The normal is that of the plane up to the sampling of the cloud.
@@ -83,20 +83,23 @@ def test_a_plane_hides_its_fraction_and_one_half_space(ball: torch.Tensor, gener
 def test_one_view_hides_the_inside_and_the_far_side(ball: torch.Tensor, generator: torch.Generator) -> None:
     places = torch.cat([0.5 * ball[:, 1:1000:4], 3.0 * ball[:, 1:1000:4]], dim=1)
     kind = torch.full((2,), 2)
-    visible = draw_visible(ball, places, kind, CONFIG, generator)
+    visible = draw_visible(ball, ball, places, kind, CONFIG, generator)
     inside, outside = visible.places.chunk(2, dim=1)
     assert inside.float().mean() < 0.01
     # Seen from outside: all but the shadow behind the sphere.
     assert (outside.float().mean(1) > 0.7).all() and (outside.float().mean(1) < 1.0).all()
-    assert visible.points[:, ::4].float().mean() < 0.01
-    assert ((visible.points[:, 1::4].float().mean(1) - 0.4).abs() < 0.2).all()
+    assert visible.candidates[:, ::4].float().mean() < 0.01
+    assert ((visible.candidates[:, 1::4].float().mean(1) - 0.4).abs() < 0.2).all()
 
 
 def test_merged_views_see_more_than_one(ball: torch.Tensor, generator: torch.Generator) -> None:
     config = dataclasses.replace(CONFIG, max_views=12)
     many = ball[:1].expand(24, -1, -1)
     one, merged = (
-        draw_visible(many, many[:, :500], torch.full((24,), kind), config, generator).points[:, 1::4].float().mean()
+        draw_visible(many, many, many[:, :500], torch.full((24,), kind), config, generator)
+        .candidates[:, 1::4]
+        .float()
+        .mean()
         for kind in (2, 3)
     )
     assert merged > one + 0.15

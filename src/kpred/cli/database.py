@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
+from kpred.cli.database_transfer import CopyCommand, UpdateCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
@@ -269,37 +270,6 @@ def _drop_if_empty(place: str) -> None:
         file.unlink(missing_ok=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CopyCommand(Command):
-    """Copy a database into another, from a file to a server or back, and compare the two.
-
-    A copy that was stopped goes on where it was when the same command is given again. Models that only TARGET has stay.
-
-    examples:
-      kpred database copy mine.kpred postgresql://me@host/models
-      kpred database copy postgresql://me@host/models mine.kpred
-    """
-
-    source: Annotated[Positional[str], arg(metavar="SOURCE")]
-    """An existing database: a file or postgresql://user@host/name"""
-    target: Annotated[Positional[str], arg(metavar="TARGET")]
-    """Where to copy it; made where there is none"""
-    batch: Annotated[int, arg(metavar="N")] = 64
-    """Models copied in one transaction"""
-
-    def run(self, output: Output) -> None:
-        """Copy, compare, and print the numbers."""
-        from kpred.cli.progress import ProgressBar
-        from kpred.database import copy_database
-
-        if self.batch < 1:
-            raise UsageError("--batch must be at least 1.")
-        with ProgressBar() as bar:
-            report = copy_database(self.source, self.target, batch=self.batch, progress=bar.update)
-        output.result({"source": self.source, "target": self.target, **report.__dict__})
-        output.note(f"{report.copied} copied, {report.present} already there, all {report.verified} are the same")
-
-
 COMMAND: dict[str, type[Command]] = {
     "build": BuildCommand,
     "add": AddCommand,
@@ -307,4 +277,5 @@ COMMAND: dict[str, type[Command]] = {
     "info": InfoCommand,
     "search": SearchCommand,
     "copy": CopyCommand,
+    "update": UpdateCommand,
 }

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kpred.database.entry import Entry as Entry
     from kpred.database.search import SearchResult as SearchResult
     from kpred.database.store import Database as Database
+    from kpred.database.update import update_database as update_database
 
 _HOME = {
     "BuildReport": "build",
@@ -31,6 +32,7 @@ _HOME = {
     "build_database": "build",
     "deformation_basis": "encode",
     "encode_models": "encode",
+    "update_database": "update",
 }
 
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]

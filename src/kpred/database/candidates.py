@@ -12,21 +12,31 @@ import numpy as np
 
 from kpred.database.rows import FittingArrays
 from kpred.errors import DatabaseError
+from kpred.ops.typing import Float, Int
+from kpred.shapes.structure import Structure
 
 Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """What fitting needs of M models of one category, as float32 arrays in the unit box of each model."""
+    """What fitting needs of M models of one category, as float32 arrays in the unit box of each model.
+
+    Attributes:
+        keypoints: (M, K, 3); points: (M, N, 3).
+        point_basis: (M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints).
+        point_parts: (M, N) int16, part of its model that each point lies on.
+        point_normals: (M, N, 3) unit normals of the surface, away from the middle of the part's own box.
+        structures: of each model; their `vertex_parts` and `facets` are empty, `Database.entry` has them.
+    """
 
     model_ids: tuple[str, ...]
-    keypoints: np.ndarray
-    """(M, K, 3)"""
-    points: np.ndarray
-    """(M, N, 3)"""
-    point_basis: np.ndarray
-    """(M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints)"""
+    keypoints: Float[np.ndarray, "models keypoints 3"]
+    points: Float[np.ndarray, "models points 3"]
+    point_basis: Float[np.ndarray, "models points keypoints"]
+    point_parts: Int[np.ndarray, "models points"]
+    point_normals: Float[np.ndarray, "models points 3"]
+    structures: tuple[Structure, ...]
 
 
 class ModelCache(Generic[Value]):
@@ -71,4 +81,7 @@ def stacked(category: str, model_ids: Sequence[str], found: Mapping[str, Fitting
         keypoints=np.stack([model.keypoints for model in models]),
         points=np.stack([model.points for model in models]),
         point_basis=np.stack([model.point_basis for model in models]),
+        point_parts=np.stack([model.point_parts for model in models]),
+        point_normals=np.stack([model.point_normals for model in models]),
+        structures=tuple(model.structure for model in models),
     )

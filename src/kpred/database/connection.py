@@ -9,16 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import Connection, Engine, StaticPool, create_engine, event, insert, update
+from sqlalchemy import Connection, Engine, StaticPool, create_engine, event
 from sqlalchemy.exc import DBAPIError
 
-from kpred.database.entry import DamagedArray
+from kpred.database.arrays import DamagedArray
 from kpred.database.rows import new_epoch
 from kpred.database.schema import APPLICATION_ID, SCHEMA_VERSION, Base, InfoRow
 from kpred.errors import DatabaseError
 
-_OLDEST = 1
-"""The oldest format that is read; `migrate` brings it up to date."""
+OLDEST = 1
+"""The oldest format that `update_database` brings up to date."""
 
 _MAGIC = b"SQLite format 3\0"
 
@@ -57,10 +57,11 @@ def check_replaceable(path: Path) -> None:
         raise DatabaseError(f"Database {path} is not a kpred database and would be lost; choose another name.")
 
 
-def open_file(path: Path, read_only: bool, timeout: float) -> Engine:
+def open_file(path: Path, read_only: bool, timeout: float, oldest: int = SCHEMA_VERSION) -> Engine:
     """An engine of one connection to an existing database, after checks that it is one that can be read.
 
-    `timeout`: seconds to wait for another process that writes. Raises DatabaseError.
+    `timeout`: seconds to wait for another process that writes; `oldest`: format that is not refused. Raises
+    DatabaseError.
     """
     with explained(path):
         _check_magic(path)
@@ -71,7 +72,7 @@ def open_file(path: Path, read_only: bool, timeout: float) -> Engine:
             engine = _engine(path, mode, timeout)
             try:
                 with engine.connect() as connection:
-                    _check_kind(connection, path)
+                    _check_kind(connection, path, oldest)
                 return engine
             except DBAPIError as error:
                 engine.dispose()
@@ -84,16 +85,6 @@ def open_file(path: Path, read_only: bool, timeout: float) -> Engine:
     raise AssertionError("unreachable")
 
 
-def migrate(connection: Connection) -> None:
-    """Bring a file of an older format up to date, in the caller's transaction; a new one stays as it is."""
-    version = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
-    if version == SCHEMA_VERSION:
-        return
-    connection.execute(insert(InfoRow).values(key="epoch", value=new_epoch()))
-    connection.execute(update(InfoRow).where(InfoRow.key == "schema_version").values(value=str(SCHEMA_VERSION)))
-    connection.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
-
-
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
     """Turn errors of SQLite and of the file system into a DatabaseError that names the file and the mend."""
@@ -104,7 +95,7 @@ def explained(path: Path) -> Iterator[None]:
     except sqlite3.Error as error:
         raise DatabaseError(f"Database {path}: {_sentence(error)}") from error
     except DamagedArray as error:
-        raise DatabaseError(f"Database {path}: {_DAMAGED}") from error
+        raise DatabaseError(f"Database {path}: {error}; {_DAMAGED}") from error
     except OSError as error:
         reason = error.strerror or str(error)
         raise DatabaseError(f"Database {path}: {reason}; check the path, its permissions and the disk.") from error
@@ -141,7 +132,7 @@ def _check_magic(path: Path) -> None:
         raise DatabaseError(f"Database {path} {what}; give a file made by 'kpred database build'.")
 
 
-def _check_kind(connection: Connection, path: Path) -> None:
+def _check_kind(connection: Connection, path: Path, oldest: int) -> None:
     def pragma(name: str) -> int:
         return int(connection.exec_driver_sql(f"PRAGMA {name}").scalar_one())
 
@@ -154,9 +145,14 @@ def _check_kind(connection: Connection, path: Path) -> None:
         raise DatabaseError(
             f"Database {path} has format {version}, newer than format {SCHEMA_VERSION} of this kpred; upgrade kpred."
         )
-    if version < _OLDEST:
+    if version < OLDEST:
         raise DatabaseError(
-            f"Database {path} has format {version}, older than format {_OLDEST}, the oldest read here; build it again."
+            f"Database {path} has format {version}, older than format {OLDEST}, the oldest known here; build it again."
+        )
+    if version < oldest:
+        raise DatabaseError(
+            f"Database {path} has format {version}, older than format {oldest} of this kpred; run 'kpred database "
+            f"update {path}', or build it again with 'kpred database build'."
         )
     if pragma("page_count") * pragma("page_size") > path.stat().st_size:
         raise DatabaseError(f"Database {path}: {_DAMAGED}")

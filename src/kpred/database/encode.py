@@ -1,7 +1,7 @@
 """From a CAD mesh to a database entry: all that depends on the source shape alone, computed once (paper Sec. 3.1, 3.2).
 
 mesh -> unit box -> 2048 points -> keypoints, tokens, cage and influence (network) -> deformation basis = mean value
-coordinates x influence^T, for the points and for the mesh's vertices.
+coordinates x influence^T, for the points and for the mesh's vertices; structure of the mesh (`surface`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from kpred.database.entry import Entry
+from kpred.database.surface import analyse_surface
 from kpred.errors import MeshError, ScanError
 from kpred.nn import KPRed
 from kpred.nn.keypoints import thinned
@@ -27,6 +28,9 @@ from kpred.shapes.mesh import Mesh, clean_mesh
 
 POINTS = 2048
 """Points sampled on a model (paper: N_P)."""
+
+DEFAULT_SEED = 0
+"""Seed of that sample where no other is given."""
 
 _CAGE_VERTICES = 8192
 """Mesh vertices that the cage is built around, beside the points."""
@@ -45,6 +49,7 @@ class PreparedMesh:
         frame: from there into the unit box.
         vertices: (V, 3) float32, unit box.
         points: (2048, 3) float32, unit box.
+        point_faces: (2048,) int64, the face of `mesh` that each point lies on.
     """
 
     model_id: str
@@ -52,6 +57,7 @@ class PreparedMesh:
     frame: Frame
     vertices: Tensor
     points: Tensor
+    point_faces: Tensor
 
 
 def prepare_mesh(mesh: Mesh, model_id: str, seed: int) -> PreparedMesh:
@@ -65,11 +71,16 @@ def prepare_mesh(mesh: Mesh, model_id: str, seed: int) -> PreparedMesh:
         frame = unit_box_frame(mesh.vertices)
     except ScanError as error:
         raise MeshError(f"{model_id}: it has no size; give a mesh with at least one proper triangle.") from error
-    vertices = torch.from_numpy(frame.to_unit(mesh.vertices.astype(np.float64)).astype(np.float32))
+    vertices = torch.from_numpy(to_unit_box(mesh, frame))
     # torch keeps 32 bits of a seed on the CPU, so both go into one checksum.
     generator = torch.Generator().manual_seed(zlib.crc32(f"{seed} {model_id}".encode()))
-    points, _ = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), POINTS, generator)
-    return PreparedMesh(model_id, mesh, frame, vertices, points)
+    points, point_faces = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), POINTS, generator)
+    return PreparedMesh(model_id, mesh, frame, vertices, points, point_faces)
+
+
+def to_unit_box(mesh: Mesh, frame: Frame) -> Float[np.ndarray, "vertices 3"]:
+    """Map the vertices of a mesh into its unit box, as float32."""
+    return frame.to_unit(mesh.vertices.astype(np.float64)).astype(np.float32)
 
 
 def encode_models(
@@ -110,6 +121,9 @@ def encode_prepared(
     fingerprint = network.fingerprint()
     entries = []
     for row, item in enumerate(prepared):
+        analysis = analyse_surface(
+            item.vertices.numpy(), item.mesh.faces, item.points.numpy(), item.point_faces.numpy()
+        )
         entry = Entry(
             model_id=item.model_id,
             category=network.config.category,
@@ -121,6 +135,9 @@ def encode_prepared(
             tokens=tokens[row].cpu().numpy(),
             point_basis=deformation_basis(points[row], cage[row], influence[row], network).cpu().numpy(),
             vertex_basis=deformation_basis(item.vertices.to(device), cage[row], influence[row], network).cpu().numpy(),
+            structure=analysis.structure,
+            point_parts=analysis.point_parts,
+            point_normals=analysis.point_normals,
             fingerprint=fingerprint,
         )
         entries.append(entry.rounded())

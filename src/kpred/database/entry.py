@@ -8,28 +8,34 @@ below what a fit can tell (its mean distance is some hundredths of the unit box)
 - points: whole multiples of 2^-14 of the unit box (half a step is 0.03 mm for furniture of 2 m);
 - vertex_basis: whole multiples of 2^-12, which is the spacing of float16 between 0.25 and 0.5, where the large weights
   lie; small weights compress better than as float16;
-- point_basis: whole multiples of 2^-10: moving keypoints by 0.3 shifts a point by 0.0003 too much or too little.
+- point_basis: whole multiples of 2^-10: moving keypoints by 0.3 shifts a point by 0.0003 too much or too little;
+- point_normals: whole multiples of 1/127, half a degree off at most;
+- structure: float32.
 """
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from kpred.database.arrays import DamagedArray, on_grid, pack_array
+from kpred.database.structure_arrays import (
+    NORMAL_STEP,
+    check_point_structure,
+    check_structure,
+    pack_structure,
+    rounded_structure,
+)
 from kpred.errors import DatabaseError
 from kpred.ops.frames import Frame
 from kpred.shapes.mesh import Mesh
+from kpred.shapes.structure import Structure
 
 POINT_STEP = 2.0**-14
 VERTEX_BASIS_STEP = 2.0**-12
 POINT_BASIS_STEP = 2.0**-10
-
-
-class DamagedArray(ValueError):
-    """Bytes of an array that do not make up the array they should."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +62,12 @@ class Entry:
     """(N, K)"""
     vertex_basis: np.ndarray
     """(V, K)"""
+    structure: Structure
+    """parts, contacts, symmetry and facets of the mesh, unit box"""
+    point_parts: np.ndarray
+    """(N,) int16 part that each point lies on"""
+    point_normals: np.ndarray
+    """(N, 3) unit normals of the faces that the points lie on, away from the middle of the part's own box"""
     fingerprint: str = field(default="")
     """of the weights that made keypoints, tokens and bases"""
 
@@ -63,11 +75,14 @@ class Entry:
         """This entry as it comes back from a database: stored and read again, it stays the same to the bit."""
         return replace(
             self,
-            points=_on_grid(self.points, POINT_STEP),
+            points=on_grid(self.points, POINT_STEP),
             keypoints=np.asarray(self.keypoints, dtype=np.float32),
             tokens=np.asarray(self.tokens, dtype=np.float16).astype(np.float32),
-            point_basis=_on_grid(self.point_basis, POINT_BASIS_STEP),
-            vertex_basis=_on_grid(self.vertex_basis, VERTEX_BASIS_STEP),
+            point_basis=on_grid(self.point_basis, POINT_BASIS_STEP),
+            vertex_basis=on_grid(self.vertex_basis, VERTEX_BASIS_STEP),
+            structure=rounded_structure(self.structure),
+            point_parts=np.asarray(self.point_parts, dtype=np.int16),
+            point_normals=on_grid(self.point_normals, NORMAL_STEP),
         )
 
     def check(self) -> None:
@@ -92,6 +107,11 @@ class Entry:
                 raise DatabaseError(f"Model {self.model_id}: {name} holds NaN or infinite numbers; leave it out.")
         if np.abs(self.tokens).max(initial=0.0) > np.finfo(np.float16).max:
             raise DatabaseError(f"Model {self.model_id}: tokens too large for float16; leave this model out.")
+        try:
+            check_structure(self.structure, n_vertices, len(self.mesh.faces))
+            check_point_structure(self.point_parts, self.point_normals, n_points, self.structure.parts)
+        except DamagedArray as error:
+            raise DatabaseError(f"Model {self.model_id}: {error}; encode it again.") from error
 
 
 def pack_frame(frame: Frame) -> bytes:
@@ -106,53 +126,6 @@ def unpack_frame(data: bytes) -> Frame:
     return Frame(rotation=numbers[:9].reshape(3, 3), scale=float(numbers[9]), center=numbers[10:13])
 
 
-def pack_array(array: np.ndarray, dtype: str, step: float | None = None) -> dict[str, Any]:
-    """An array as the columns dtype, shape, step, codec, data.
-
-    With a `step` the array is stored as whole multiples of it, in the integers `dtype`, or as float32 where these
-    are too small. The bytes are compressed by zlib after putting all first bytes of the numbers together, then all
-    second ones and so on (the high bytes are alike), and left as they are where that does not pay.
-    """
-    source = np.asarray(array)
-    if step is not None:
-        multiples = np.rint(np.asarray(source, dtype=np.float64) / step)
-        if np.abs(multiples).max(initial=0.0) <= np.iinfo(dtype).max:
-            source = multiples
-        else:
-            source, dtype, step = _on_grid(source, step), "<f4", None
-    stored = np.ascontiguousarray(source.astype(dtype))
-    raw = stored.tobytes()
-    shuffled = np.frombuffer(raw, np.uint8).reshape(-1, stored.itemsize).T.tobytes()
-    packed = zlib.compress(shuffled, 9)
-    small = len(packed) < 0.97 * len(raw)
-    return {
-        "dtype": dtype,
-        "shape": ",".join(str(size) for size in stored.shape),
-        "step": step,
-        "codec": "shuffle-zlib" if small else "raw",
-        "data": packed if small else raw,
-    }
-
-
-def unpack_array(dtype: str, shape: str, step: float | None, codec: str, data: bytes) -> np.ndarray:
-    """Undo `pack_array`: float32 for floats and stepped arrays, int32 or int16 for integers; always writable.
-
-    Raises DamagedArray.
-    """
-    kind = np.dtype(dtype)
-    try:
-        if codec == "shuffle-zlib":
-            data = np.frombuffer(zlib.decompress(data), np.uint8).reshape(kind.itemsize, -1).T.tobytes()
-        array = np.frombuffer(data, dtype=kind).reshape([int(size) for size in shape.split(",")])
-    except (zlib.error, ValueError) as error:
-        raise DamagedArray(f"{len(data)} bytes ({codec}) are no {dtype} array of shape {shape}") from error
-    if step is not None:
-        return array.astype(np.float32) * np.float32(step)
-    if kind.kind == "f":
-        return array.astype(np.float32)
-    return array.astype(np.int16 if kind == np.dtype("<i2") else np.int32)
-
-
 def pack_arrays(entry: Entry) -> dict[str, dict[str, Any]]:
     """Name -> columns of every array of an entry but keypoints and tokens, which search reads on their own."""
     narrow = len(entry.mesh.vertices) <= np.iinfo(np.uint16).max
@@ -162,12 +135,8 @@ def pack_arrays(entry: Entry) -> dict[str, dict[str, Any]]:
         "points": pack_array(entry.points, "<i2", POINT_STEP),
         "point_basis": pack_array(entry.point_basis, "<i2", POINT_BASIS_STEP),
         "vertex_basis": pack_array(entry.vertex_basis, "<i2", VERTEX_BASIS_STEP),
+        **pack_structure(entry.structure, entry.point_parts, entry.point_normals),
     }
     if entry.mesh.face_parts is not None:
         arrays["face_parts"] = pack_array(entry.mesh.face_parts, "<i2")
     return arrays
-
-
-def _on_grid(array: np.ndarray, step: float) -> np.ndarray:
-    """The nearest whole multiples of `step` (a power of two, so float32 holds them exactly)."""
-    return (np.rint(np.asarray(array, dtype=np.float64) / step) * step).astype(np.float32)

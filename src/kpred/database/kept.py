@@ -10,7 +10,7 @@ from kpred.database.rows import FittingArrays
 from kpred.database.search import Index
 
 MOST_ARRAYS, MOST_ENTRIES = 4096, 128
-"""Models whose points and basis, and whose meshes too, are kept: 120 kB and a few hundred kB each."""
+"""Models whose points and basis, and whose meshes too, are kept: 150 kB and a few hundred kB each."""
 
 MOST_VERTICES = 16_384
 """Larger meshes are read again each time."""

@@ -18,7 +18,7 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
-from kpred.database.entry import DamagedArray
+from kpred.database.arrays import DamagedArray
 from kpred.database.home import Added, Progress
 from kpred.database.lost import ConnectionLost
 from kpred.database.postgres_schema import check_tables, make_tables, revision
@@ -85,7 +85,7 @@ class PostgresHome:
         create: str | None = None,
         check: bool = True,
     ) -> None:
-        """Connect, and make the tables (`create`: by which version of kpred) or bring them up to date.
+        """Connect, and make the tables (`create`: by which version of kpred) or check that they are up to date.
 
         Raises:
             ConfigError: psycopg or Alembic is not installed.
@@ -114,7 +114,7 @@ class PostgresHome:
                     make_tables(connection, self.path, create)
             elif check:
                 with self._connected() as connection:
-                    check_tables(connection, self.path, read_only)
+                    check_tables(connection, self.path)
         except BaseException:
             self.close()
             raise
@@ -271,7 +271,7 @@ def _explained(name: str) -> Iterator[None]:
     except PoolTimeout as error:
         raise ConnectionLost(f"Database {name}: all connections are in use; use fewer threads.") from error
     except DamagedArray as error:
-        raise DatabaseError(f"Database {name}: an array is damaged; build it again.") from error
+        raise DatabaseError(f"Database {name}: {error}; an array is damaged, build it again.") from error
 
 
 _SENTENCES = {

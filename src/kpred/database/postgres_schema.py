@@ -11,8 +11,8 @@ from sqlalchemy import Connection, text
 
 from kpred.errors import DatabaseError
 
-HEAD = "0002"
-_KNOWN = ("0001", "0002")
+HEAD = "0003"
+_KNOWN = ("0001", "0002", "0003")
 _LOCK = 0x4B505244
 """Advisory lock of those who change tables."""
 
@@ -36,30 +36,43 @@ def make_tables(connection: Connection, name: str, created_by: str) -> None:
         connection.execute(text("INSERT INTO kpred.info (key, value) VALUES (:key, :value)"), facts)
 
 
-def check_tables(connection: Connection, name: str, read_only: bool) -> None:
-    """Bring the tables up to date in the caller's transaction.
+def is_current(connection: Connection, name: str) -> bool:
+    """Say whether the tables are of this format and not of an older one.
 
-    Raises DatabaseError: there are none, they are newer than this kpred, or older and may not be changed.
+    Raises DatabaseError: there are none, or they are newer than this kpred.
     """
     found = revision(connection)
-    if found == HEAD:
-        return
     if found is None:
         raise DatabaseError(f"Database {name} holds no kpred database; make it with 'kpred database build'.")
     if found not in _KNOWN:
         raise DatabaseError(
             f"Database {name} has format {found}, newer than format {HEAD} of this kpred; upgrade kpred."
         )
-    if read_only:
+    return found == HEAD
+
+
+def check_tables(connection: Connection, name: str) -> None:
+    """Raise DatabaseError unless there are tables, of this format."""
+    if not is_current(connection, name):
         raise DatabaseError(
-            f"Database {name} has format {found}, older than format {HEAD} of this kpred; open it once for writing."
+            f"Database {name} has format {revision(connection)}, older than format {HEAD} of this kpred; run "
+            f"'kpred database update {name}'."
         )
+
+
+def upgrade_tables(connection: Connection, name: str) -> bool:
+    """Bring the tables up to date in the caller's transaction, and say whether they were older.
+
+    The caller adds what their rows lack (`kpred.database.update`). Raises DatabaseError like `is_current`.
+    """
     with _alone(connection):
-        if revision(connection) != HEAD:
-            _upgrade(connection)
-            connection.execute(
-                text("UPDATE kpred.info SET value = :value WHERE key = 'schema_version'"), {"value": str(int(HEAD))}
-            )
+        if is_current(connection, name):
+            return False
+        _upgrade(connection)
+        connection.execute(
+            text("UPDATE kpred.info SET value = :value WHERE key = 'schema_version'"), {"value": str(int(HEAD))}
+        )
+        return True
 
 
 @contextmanager

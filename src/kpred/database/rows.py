@@ -3,31 +3,48 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from sqlalchemy import Connection, Select, delete, func, select, update
 
-from kpred.database.entry import DamagedArray, Entry, unpack_array, unpack_frame
+from kpred.database.arrays import DamagedArray, unpack_array
+from kpred.database.entry import Entry, unpack_frame
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
+from kpred.database.structure_arrays import FITTING_STRUCTURE, check_point_structure, unpack_structure
+from kpred.errors import MeshError
+from kpred.ops.typing import Float, Int
 from kpred.shapes.mesh import Mesh
+from kpred.shapes.structure import Structure
 
 _CHUNK = 500
 """Values in one SQL `IN` list; old builds of SQLite allow 999."""
+
+_FITTING = ("points", "point_basis", "point_parts", "point_normals", *FITTING_STRUCTURE)
+"""Arrays that fitting reads."""
 
 Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, eq=False)
 class FittingArrays:
-    """What fitting needs of one model: keypoints (K, 3), points (N, 3), point_basis (N, K), float32, unit box."""
+    """What fitting needs of one model of K keypoints and N points, float32, unit box.
+
+    Attributes:
+        point_parts: (N,) int16, part of each point; point_normals: (N, 3), away from the middle of the part's box.
+        structure: without the arrays of vertices and faces, which are empty.
+    """
 
     category: str
-    keypoints: np.ndarray
-    points: np.ndarray
-    point_basis: np.ndarray
+    keypoints: Float[np.ndarray, "keypoints 3"]
+    points: Float[np.ndarray, "points 3"]
+    point_basis: Float[np.ndarray, "points keypoints"]
+    point_parts: Int[np.ndarray, " points"]
+    point_normals: Float[np.ndarray, "points 3"]
+    structure: Structure
 
 
 def read_entry(connection: Connection, model_id: str) -> Entry | None:
@@ -41,7 +58,15 @@ def read_entry(connection: Connection, model_id: str) -> Entry | None:
     ).one_or_none()
     if row is None:
         return None
-    arrays = _read_arrays(connection, [row.id])[row.id]
+    arrays = read_arrays(connection, {row.id: model_id})[row.id]
+    with of_model(model_id):
+        return _entry(model_id, row, arrays)
+
+
+def _entry(model_id: str, row: Any, arrays: dict[str, np.ndarray]) -> Entry:
+    """An entry of the columns and the arrays that were read of it; raises DamagedArray."""
+    structure = unpack_structure(arrays, len(arrays["vertices"]), len(arrays["faces"]))
+    check_point_structure(arrays["point_parts"], arrays["point_normals"], len(arrays["points"]), structure.parts)
     return Entry(
         model_id=model_id,
         category=row.name,
@@ -53,6 +78,9 @@ def read_entry(connection: Connection, model_id: str) -> Entry | None:
         tokens=_floats([row.tokens], "<f2", row.keypoint_count, row.token_size)[0].astype(np.float32),
         point_basis=arrays["point_basis"],
         vertex_basis=arrays["vertex_basis"],
+        structure=structure,
+        point_parts=arrays["point_parts"],
+        point_normals=arrays["point_normals"],
         fingerprint=row.fingerprint,
     )
 
@@ -114,7 +142,7 @@ def _tokens(counted: CategoryTokens, after: int = 0) -> Select[str, bytes]:
 
 
 def read_epoch(connection: Connection) -> str | None:
-    """The value that changes with every removal; None in files of a format that had none."""
+    """The value that changes with every removal; None in a damaged file that has lost it."""
     found = connection.scalar(select(InfoRow.value).where(InfoRow.key == "epoch"))
     return None if found is None else str(found)
 
@@ -144,11 +172,29 @@ def read_fitting_arrays(connection: Connection, model_ids: Sequence[str]) -> dic
             .join(DescriptorRow, DescriptorRow.model == ModelRow.id)
             .where(ModelRow.model_id.in_(chunk))
         ).all()
-        arrays = _read_arrays(connection, [row.id for row in rows], ("points", "point_basis"))
+        arrays = read_arrays(connection, {row.id: row.model_id for row in rows}, _FITTING)
         for row in rows:
-            keypoints = _floats([row.keypoints], "<f4", row.keypoint_count, 3)[0].astype(np.float32)
-            found[row.model_id] = FittingArrays(row.name, keypoints, **arrays[row.id])
+            with of_model(row.model_id):
+                keypoints = _floats([row.keypoints], "<f4", row.keypoint_count, 3)[0].astype(np.float32)
+                found[row.model_id] = _fitting_arrays(row.name, keypoints, arrays[row.id])
     return found
+
+
+def _fitting_arrays(category: str, keypoints: np.ndarray, arrays: dict[str, np.ndarray]) -> FittingArrays:
+    structure, count = unpack_structure(arrays), len(arrays["points"])
+    shapes = {name: arrays[name].shape for name in ("points", "point_basis")}
+    if shapes != {"points": (count, 3), "point_basis": (count, len(keypoints))}:
+        raise DamagedArray(f"points and point_basis have shapes {shapes['points']} and {shapes['point_basis']}")
+    check_point_structure(arrays["point_parts"], arrays["point_normals"], count, structure.parts)
+    return FittingArrays(
+        category=category,
+        keypoints=keypoints,
+        points=arrays["points"],
+        point_basis=arrays["point_basis"],
+        point_parts=arrays["point_parts"],
+        point_normals=arrays["point_normals"],
+        structure=structure,
+    )
 
 
 def find_rows(connection: Connection, model_ids: Sequence[str]) -> dict[str, int]:
@@ -166,16 +212,36 @@ def chunks(values: Sequence[Value]) -> Iterator[list[Value]]:
         yield list(values[start : start + _CHUNK])
 
 
-def _read_arrays(
-    connection: Connection, models: list[int], names: Collection[str] | None = None
+def read_arrays(
+    connection: Connection, models: Mapping[int, str], names: Collection[str] | None = None
 ) -> dict[int, dict[str, np.ndarray]]:
-    query = select(ArrayRow).where(ArrayRow.model.in_(models))
+    """Read the arrays (all, or those of these names) of models, given by row and id: row -> name -> array.
+
+    Raises:
+        DamagedArray: the bytes of one make up no array; it names the model.
+    """
+    columns = (ArrayRow.name, ArrayRow.dtype, ArrayRow.shape, ArrayRow.step, ArrayRow.codec, ArrayRow.data)
+    query = select(ArrayRow.model, *columns).where(ArrayRow.model.in_(list(models)))
     if names is not None:
         query = query.where(ArrayRow.name.in_(names))
     arrays: dict[int, dict[str, np.ndarray]] = {model: {} for model in models}
-    for row in connection.execute(query):
-        arrays[row.model][row.name] = unpack_array(row.dtype, row.shape, row.step, row.codec, row.data)
+    for model, name, dtype, shape, step, codec, data in connection.execute(query):
+        with of_model(models[model]):
+            arrays[model][name] = unpack_array(dtype, shape, step, codec, data)
     return arrays
+
+
+@contextmanager
+def of_model(model_id: str) -> Iterator[None]:
+    """Name the model in what is raised about its arrays; a missing one is damage too."""
+    try:
+        yield
+    except DamagedArray as error:
+        raise DamagedArray(f"model {model_id}: {error}") from error
+    except MeshError as error:
+        raise DamagedArray(str(error)) from error
+    except KeyError as error:
+        raise DamagedArray(f"model {model_id}: {error.args[0]} is missing") from error
 
 
 def _floats(blobs: Sequence[bytes], dtype: str, *shape: int) -> np.ndarray:

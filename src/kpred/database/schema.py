@@ -12,9 +12,9 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 APPLICATION_ID = 0x4B505244
 """`PRAGMA application_id` of a kpred database ("KPRD")."""
 
-SCHEMA_VERSION = 2
-"""`PRAGMA user_version`: raised when a table changes. Format 1 had no `epoch` in `info`: it is read as it is, and
-brought up to date by the first write."""
+SCHEMA_VERSION = 3
+"""`PRAGMA user_version`: raised when a table or its content changes. Format 1 had no `epoch` in `info`, format 2 no
+structure of meshes in `array`; `kpred.database.update` brings them up to date."""
 
 
 class Base(DeclarativeBase):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from kpred.database.connection import explained, migrate, open_file
+from kpred.database.connection import explained, open_file
 from kpred.database.home import Added, Progress
 from kpred.database.rows import CategoryTokens, count_tokens, read_epoch, read_tokens, stream_tokens
 from kpred.database.search import Index, TokenIndex
@@ -41,7 +41,7 @@ class SqliteHome:
 
     @contextmanager
     def transaction(self, write: bool, alone: bool = False) -> Iterator[Connection]:
-        """See `Home`; the first write brings a file of an older format up to date."""
+        """See `Home`."""
         if write and self.read_only:
             raise DatabaseError(
                 f"Database {self.path} is open for reading only; copy it to a place where you may write."
@@ -51,8 +51,6 @@ class SqliteHome:
             self._engine.connect().execution_options(kpred_write=write) as connection,
             connection.begin(),
         ):
-            if write:
-                migrate(connection)
             yield connection
 
     def added(self, connection: Connection, rows: Sequence[Added]) -> None:

@@ -54,7 +54,7 @@ class Database:
         """Open an existing database; for reading only when asked, or when the file may not be written.
 
         `timeout`: seconds to wait while another process writes, before giving up.
-        Raises DatabaseError: missing, empty, foreign, damaged, newer than this program, locked.
+        Raises DatabaseError: missing, empty, foreign, damaged, older or newer than this program, locked.
         """
         if is_address(path):
             return cls(PostgresHome(path, bool(read_only), timeout))

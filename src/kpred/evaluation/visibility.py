@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,7 @@ import torch
 from torch import Tensor
 
 from kpred.errors import MeshError, PackError, ScanError
-from kpred.nn.visibility import GRID_POINTS, VisibilityNetwork
-from kpred.ops.sampling import at_even_steps
+from kpred.nn.visibility import VisibilityNetwork, thinned
 from kpred.ops.typing import Bool, Float
 from kpred.shapes.pack import MeshPack
 from kpred.training.data import POOL_POINTS
@@ -100,9 +100,9 @@ def _measure_case(
         other = clouds[(number + len(clouds) // 2) % len(clouds)]
         places = torch.cat([cloud[:PLACES], other[:PLACES]])[None]
         dense = cloud[None, PLACES:]
-        visible = draw_visible(dense, places, torch.tensor([case.kind]), settings, generator)
-        scan = sample_scans(dense, visible.points, points, settings, generator)
-        probabilities.append(torch.sigmoid(network(at_even_steps(scan, GRID_POINTS), places))[0])
+        visible = draw_visible(dense, dense, places, torch.tensor([case.kind]), settings, generator)
+        scan = sample_scans(dense, visible.candidates, points, settings, generator)
+        probabilities.append(torch.sigmoid(network(thinned(scan), places))[0])
         labels.append(visible.places[0])
     return summarize(case.name, torch.stack(probabilities), torch.stack(labels))
 
@@ -146,8 +146,9 @@ def calibration_error(probabilities: Float[Tensor, " places"], labels: Bool[Tens
     return float(difference.abs().sum() / len(labels))
 
 
-def as_values(row: VisibilityRow) -> dict[str, str | int | float]:
-    """Return a row as plain values, numbers rounded to four digits after the point."""
-    return {
-        name: round(value, 4) if isinstance(value, float) else value for name, value in dataclasses.asdict(row).items()
-    }
+def as_values(row: VisibilityRow) -> dict[str, str | int | float | None]:
+    """Return a row as plain values, numbers rounded to four digits after the point, NaN as None."""
+    values: dict[str, str | int | float | None] = {}
+    for name, value in dataclasses.asdict(row).items():
+        values[name] = (None if math.isnan(value) else round(value, 4)) if isinstance(value, float) else value
+    return values

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass, replace
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 import torch
@@ -15,12 +17,19 @@ from kpred.fitting.observation import Observation
 from kpred.fitting.refine import Hints, Refined, refine_candidates
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.reflection import reflect
-from kpred.fitting.warp import Warp
 from kpred.ops import squared_distances
 from kpred.ops.chamfer_cpu import chamfer_of_each
 from kpred.ops.sampling import at_even_steps
-from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
+from kpred.refinement.structure_config import StructureConfig
+from kpred.refinement.structure_fit import StructureModel
+from kpred.shapes.structure import Structure
+
+MAX_MODELS = 256
+"""Models that are kept ready for structure-keeping fits: some 700 kB each."""
+
+_models: OrderedDict[tuple[Structure, StructureConfig], StructureModel] = OrderedDict()
+_lock = Lock()
 
 ESTIMATE_POINTS = 256
 CLOSEST, CLOSEST_PARTIAL = 3, 6
@@ -43,9 +52,8 @@ class Candidates:
         keypoints: (K, 3) that the network expects of the whole object, where a network said so.
         sensors: (S, 3) where the scanner stood, where it is known.
         scale, shift: (C, 3) of the candidates' boxes; the box stays as it is (1 and 0) where none are given.
-        warps: of the candidates that a cage was refined of, in place of displacement, scale and shift; None for others.
-        warped: (C, N, 3) the results of all, if there are warps.
-        stopped: (C,) bool, of those that refinement gave up as hopeless, if it was asked to refine more than a few.
+        stopped: (C,) bool, of those that refinement did not carry to the end, if there were more than a few.
+        structures: of the models; point_parts: (C, N) part of each point; point_normals: (C, N, 3), outward.
     """
 
     model_ids: tuple[str, ...]
@@ -61,13 +69,31 @@ class Candidates:
     sensors: Tensor | None = None
     scale: Tensor | None = None
     shift: Tensor | None = None
-    warps: tuple[Warp | None, ...] | None = None
-    warped: Tensor | None = None
     stopped: Tensor | None = None
+    structures: tuple[Structure, ...] = ()
+    point_parts: np.ndarray | None = None
+    point_normals: np.ndarray | None = None
+
+    def structure_model(self, row: int, config: StructureConfig) -> StructureModel:
+        """The model of one row, made ready for structure-keeping fits; kept in memory."""
+        assert self.point_parts is not None and self.point_normals is not None
+        key = (self.structures[row], config)
+        with _lock:
+            found = _models.get(key)
+            if found is not None:
+                _models.move_to_end(key)
+                return found
+        points = self.points[row].numpy().astype(np.float64)
+        made = StructureModel.of(self.structures[row], points, self.point_parts[row], self.point_normals[row], config)
+        with _lock:
+            _models[key] = made
+            while len(_models) > MAX_MODELS:
+                _models.popitem(last=False)
+        return made
 
     def deformed(self) -> Tensor:
-        """S + B d, in its own box: scale * (S + B d) + shift, or as its cage warps it, (C, N, 3)."""
-        return self._deformed if self.warped is None else self.warped
+        """S + B d, in its own box: scale * (S + B d) + shift, (C, N, 3)."""
+        return self._deformed
 
     @cached_property
     def _deformed(self) -> Tensor:
@@ -132,20 +158,6 @@ class Candidates:
             return torch.zeros(len(self.model_ids))
         return free_space_errors(self.deformed(), self.target, self.sensors)
 
-    def result_of(
-        self, row: int, points: Float[np.ndarray, "points 3"], basis: Float[np.ndarray, "points keypoints"]
-    ) -> Float[np.ndarray, "points 3"]:
-        """Where points of one row's model go, those of its mesh say, with their own deformation basis; unit box."""
-        warp = None if self.warps is None else self.warps[row]
-        if warp is not None:
-            return warp(points)
-        return self._placed(row, points + basis @ self.displacement[row].numpy().astype(np.float64))
-
-    def _placed(self, row: int, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
-        """Points of the deformed model of one row, put into the candidate's own box; all in the unit box."""
-        scaled = points if self.scale is None else points * self.scale[row].numpy()
-        return scaled if self.shift is None else scaled + self.shift[row].numpy()
-
     def _hints(self, config: RefineConfig) -> Hints:
         """What is known of the unseen part of a partial scan; nothing of a full one."""
         if not self.partial:
@@ -165,8 +177,17 @@ class Candidates:
         )
 
     def _moved(self, refined: Refined) -> Candidates:
-        moved = replace(self, displacement=refined.displacement, scale=refined.scale, shift=refined.shift)
-        return moved if self.warps is None else replace(moved, warps=None, warped=None)
+        return replace(self, displacement=refined.displacement, scale=refined.scale, shift=refined.shift)
+
+    def turned(self, rotation: Float[Tensor, "3 3"]) -> Candidates:
+        """The same candidates for a scan turned by a small rotation about the middle of its unit box."""
+        old = None if self.keypoints is None else self.keypoints @ rotation.T
+        moved = self.displacement
+        if old is not None and self.keypoints is not None:
+            moved = self.displacement + (old - self.keypoints)
+        sensors = None if self.sensors is None else self.sensors @ rotation.T
+        target = (self.target @ rotation.T).contiguous()
+        return replace(self, target=target, keypoints=old, displacement=moved, sensors=sensors)
 
     def take(self, rows: Tensor) -> Candidates:
         """The candidates of these rows, in their order."""
@@ -180,15 +201,37 @@ class Candidates:
             displacement=self.displacement[rows],
             scale=None if self.scale is None else self.scale[rows],
             shift=None if self.shift is None else self.shift[rows],
-            warps=None if self.warps is None else tuple(self.warps[row] for row in chosen),
-            warped=None if self.warped is None else _rows(self.warped, rows),
             stopped=None if self.stopped is None else self.stopped[rows],
+            structures=tuple(self.structures[row] for row in chosen) if self.structures else (),
+            point_parts=None if self.point_parts is None else self.point_parts[chosen],
+            point_normals=None if self.point_normals is None else self.point_normals[chosen],
         )
 
 
 def _rows(tensor: Tensor, rows: Tensor) -> Tensor:
     """`tensor[rows]`, on the CPU. Waking torch's threads, which such an index does, takes longer than the copy."""
     return torch.from_numpy(tensor.numpy()[rows.numpy()])
+
+
+def retrieve_named(candidates: Candidates, database: Database, model_id: str) -> Candidates:
+    """One named model of the same category, deformed by the same keypoints.
+
+    Raises:
+        DatabaseError: if the database has no such model of the category.
+    """
+    assert candidates.keypoints is not None
+    arrays = database.candidates(candidates.category, [model_id])
+    return replace(
+        candidates,
+        model_ids=(model_id,),
+        distances=np.zeros(1),
+        points=torch.from_numpy(arrays.points),
+        basis=torch.from_numpy(arrays.point_basis),
+        displacement=candidates.keypoints - torch.from_numpy(arrays.keypoints),
+        structures=arrays.structures,
+        point_parts=arrays.point_parts,
+        point_normals=arrays.point_normals,
+    )
 
 
 def retrieve(
@@ -217,4 +260,7 @@ def retrieve(
         confidence=observation.confidence[hypothesis],
         partial=partial,
         keypoints=observation.keypoints[hypothesis],
+        structures=arrays.structures,
+        point_parts=arrays.point_parts,
+        point_normals=arrays.point_normals,
     )

@@ -12,6 +12,7 @@ import torch
 from kpred.fitting.hypotheses import Hypothesis
 from kpred.fitting.upright import yaw_rotation
 from kpred.ops import nearest_neighbours
+from kpred.ops.sampling import at_even_steps
 from kpred.ops.typing import Float
 
 UNEXPLAINED_DISTANCE = 0.1
@@ -42,6 +43,7 @@ class Evidence:
         turn: probability of the turn among those tried, turns that leave the result as it is being one.
         odds: the recognizer's log-odds of the reading against "none of the categories"; None where there is none.
         box: mean error that the network expects of the whole object's box, unit box; 0 where the frame is known.
+        change: root mean square distance by which the model was changed, unit box.
     """
 
     error: float
@@ -51,6 +53,7 @@ class Evidence:
     turn: float
     odds: float | None
     box: float
+    change: float = 0.0
 
     def features(self) -> Float[np.ndarray, " features"]:
         """What the logistic regression sees; the last number is the odds, and missing where there are none."""
@@ -62,6 +65,7 @@ class Evidence:
             _log_odds(self.category),
             _log_odds(self.turn),
             math.log(max(self.box, 1e-2)),
+            math.log(max(self.change, 1e-2)),
         ]
         return np.array(numbers if self.odds is None else [*numbers, max(-8.0, min(8.0, self.odds))])
 
@@ -72,23 +76,32 @@ def confidence(evidence: Evidence) -> float:
     return float(1.0 / (1.0 + math.exp(-float(np.clip(evidence.features() @ weights, -30, 30)))))
 
 
-def evidence_of(chosen: Hypothesis, row: int, tried: Sequence[Hypothesis], judged: bool) -> Evidence:
-    """Evidence of the result that is row `row` of the chosen hypothesis' candidates.
+def evidence_of(
+    chosen: Hypothesis,
+    result: Float[torch.Tensor, "points 3"],
+    undeformed: Float[torch.Tensor, "points 3"],
+    tried: Sequence[Hypothesis],
+    scored: bool,
+) -> Evidence:
+    """Gather the evidence of a result.
 
     Args:
-        chosen: the reading that was taken, refined or not.
-        tried: all readings tried, `chosen` among them.
-        judged: a recognizer gave the readings their odds.
+        chosen: the hypothesis that was taken; tried: all hypotheses, `chosen` among them.
+        result: points of the deformed model, undeformed: the same points as the placed model has them; unit box.
+        scored: a recognizer gave the readings their odds.
     """
-    squared = chosen.candidates.from_scan(row, EVIDENCE_POINTS)
+    target = chosen.candidates.target
+    some = at_even_steps(target, EVIDENCE_POINTS)
+    squared = nearest_neighbours(some[None], result[None])[0][0]
     return Evidence(
         error=float(squared.mean().sqrt()),
         unexplained=float((squared > UNEXPLAINED_DISTANCE**2).float().mean()),
         seen=float(chosen.candidates.confidence.mean()),
         category=category_probabilities(tried)[chosen.category],
-        turn=_turn_probability(chosen, row, tried),
-        odds=chosen.log_odds if judged else None,
+        turn=_turn_probability(chosen, result, tried),
+        odds=chosen.log_odds if scored else None,
         box=chosen.box_error,
+        change=float((result - undeformed).square().sum(1).mean().sqrt()),
     )
 
 
@@ -101,9 +114,8 @@ def category_probabilities(tried: Sequence[Hypothesis]) -> dict[str, float]:
     return dict(zip(order, _softmax([best[name] for name in order]), strict=True))
 
 
-def _turn_probability(chosen: Hypothesis, row: int, tried: Sequence[Hypothesis]) -> float:
+def _turn_probability(chosen: Hypothesis, result: torch.Tensor, tried: Sequence[Hypothesis]) -> float:
     """By the scores of the readings of the same category: those turned otherwise count against the chosen one."""
-    result = chosen.candidates.take(torch.tensor([row])).deformed()[0]
     scores, same = [], []
     for one in tried:
         if one.category != chosen.category:
@@ -137,7 +149,7 @@ def _log_odds(probability: float) -> float:
     return math.log(clipped / (1 - clipped))
 
 
-WEIGHTS = np.array([-5.245, -0.272, -0.068, 0.206, 0.05, 0.099, -0.735, 0.618])
-WEIGHTS_WITHOUT_ODDS = np.array([-7.305, -0.158, -0.159, 0.336, 0.18, 0.284, -1.292])
+WEIGHTS = np.array([-5.245, -0.272, -0.068, 0.206, 0.05, 0.099, -0.735, 0.0, 0.618])
+WEIGHTS_WITHOUT_ODDS = np.array([-7.305, -0.158, -0.159, 0.336, 0.18, 0.284, -1.292, 0.0])
 """Of `Evidence.features`: logistic regressions on virtual scans of generated shapes (`scripts/calibrate_confidence.py`,
 120 of each category and of other things; half of them held out: calibration error 0.05, without odds 0.05)."""

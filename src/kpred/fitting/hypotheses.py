@@ -16,7 +16,7 @@ from kpred.fitting.observation import observe
 from kpred.fitting.recognise import Reading
 from kpred.fitting.refine import RefineConfig, refine_keypoints
 from kpred.nn import KPRed, Model
-from kpred.ops import nearest_neighbours, squared_distances, unit_box_frame
+from kpred.ops import squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float
 
@@ -39,15 +39,6 @@ LEAST_SIDE = 0.12
 
 USUAL_SIDES = (0.7, 0.5, 0.35)
 """Width, height and depth, as shares of the longest side, that such a plate's object is taken to have."""
-
-UNSEEN_DISTANCE = 0.1
-UNSEEN_SHARE = 0.02
-"""A scan is taken as partial if more than this share of the best full-shape result is farther than this from it.
-
-When in doubt, a scan is partial. In the known frame, on 108 shapes of sa_partnet's split `train` with a quarter hidden,
-a partial scan read as full ends four times as far from the true surface (CD); a full scan read as partial twice.
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
@@ -75,14 +66,6 @@ class Hypothesis:
         """Category of the candidates."""
         return self.candidates.category
 
-    def is_read_as(self, other: Hypothesis) -> bool:
-        """Whether the scan lies in the same box, is of the same category, and is partial in both or in neither."""
-        return (
-            self.category == other.category
-            and self.candidates.partial == other.candidates.partial
-            and np.array_equal(self.frame.matrix(), other.frame.matrix())
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Search:
@@ -102,7 +85,7 @@ class Search:
 
 
 def hypotheses(
-    points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool, before: Sequence[Hypothesis] = ()
+    points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool
 ) -> list[Hypothesis]:
     """Every reading tried, the likeliest first.
 
@@ -110,7 +93,6 @@ def hypotheses(
         points: (N, 3) the scan in its own frame and units.
         partial: partial networks and one-sided errors; unless the frame is known, the box is extended to the one that
             the network expects of the whole object, which stands on the floor where that is known.
-        before: hypotheses of these points that were read with all of them.
     """
     found: list[Hypothesis] = []
     alone = len(readings) == 1
@@ -132,11 +114,9 @@ def hypotheses(
     if not alone:
         # They were only compared; the best is read again with all points.
         best = found[0]
-        same = next((one.candidates for one in before if one.is_read_as(best)), None)
-        if same is None:
-            observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
-            same = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
-        found[0] = replace(best, candidates=same)
+        observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
+        again = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
+        found[0] = replace(best, candidates=again)
     return found
 
 
@@ -190,15 +170,9 @@ def thickened(
     return low, high
 
 
-def looks_partial(reading: Hypothesis) -> bool:
-    """Whether the scan is one plate, or much of the best full-shape explanation lies where it has no points."""
-    low, high = np.quantile(reading.candidates.target.numpy(), [0.01, 0.99], axis=0)
-    if (high - low).min() < LEAST_SIDE * (high - low).max():
-        return True
-    close = reading.candidates.refined(SCREEN, torch.arange(min(SCREENED, len(reading.candidates.model_ids))))
-    best = close.take(close.errors(most=128).argmin()[None])
-    squared, _ = nearest_neighbours(best.deformed()[:, ::2].contiguous(), best.target[None])
-    return float((squared > UNSEEN_DISTANCE**2).float().mean()) > UNSEEN_SHARE
+def initial_frame(points: np.ndarray, reading: Reading, known: bool) -> Frame:
+    """Frame of what is seen, turned as a reading says; the identity where the scan lies in its unit box."""
+    return Frame(center=np.zeros(3), scale=1.0) if known else unit_box_frame(points, reading.rotation)
 
 
 def _clouds(points: np.ndarray, frames: Sequence[Frame]) -> Tensor:

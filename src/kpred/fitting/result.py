@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import trimesh
 
+from kpred.fitting.assessment import Assessment
 from kpred.fitting.cleaning import CleaningStep
 from kpred.fitting.confidence import Evidence
+from kpred.fitting.deform import WHOLE, Deformed
+from kpred.fitting.options import FitOptions
+from kpred.fitting.placed import Placed, PlacedModel, in_own_size, place_mesh
+from kpred.fitting.stages import CleanScan, Context, Tried
 from kpred.ops.frames import Frame
+from kpred.refinement.score import Step
+from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
 
 
 @dataclass(frozen=True)
@@ -18,7 +27,9 @@ class Metric:
     """One number with all it needs to be understood.
 
     Attributes:
-        name: `chamfer_distance`, `unilateral_chamfer_distance`, `mean_scan_to_result`.
+        name: `unilateral_chamfer_distance` (scan to result), `chamfer_distance` (both ways) or, where parts are unseen,
+            `seen_chamfer_distance` (the result's seen surface alone on the way back), `mean_scan_to_result` (to its
+            surface).
         value: the number; unit: its unit; frame: the frame it was measured in.
     """
 
@@ -35,24 +46,19 @@ class Candidate:
     Attributes:
         model_id, category: which model of the database.
         distance: weighted L1 distance of its tokens to the scan's.
-        error: CD (full scans) or UCD (partial scans) after deformation by the network's keypoints, unit box squared.
-            Exact of the chosen one; of others that are not close to the best, or refined, an estimate by some points.
-        refined_error: the same after refinement; None where it was not refined, or given up as hopeless on the way.
-            Of the chosen candidate it is exact, of others it may be an estimate.
-        displacement: (keypoints, 3) of its keypoints, unit box, as chosen for the result.
+        step: how far it was changed: `none`, `scale`, `structure`, `free` or `paper`.
+        error: Chamfer distance after that, of what is seen, unit box squared, by some points.
+        score: log error and cost of the change, by which candidates are compared; the lower the better.
+        final: whether it was deformed to the end; otherwise error and score are estimates from above.
     """
 
     model_id: str
     category: str
     distance: float
+    step: Step
     error: float
-    refined_error: float | None
-    displacement: np.ndarray
-
-    @property
-    def final_error(self) -> float:
-        """The error that the choice between candidates is made by."""
-        return self.error if self.refined_error is None else self.refined_error
+    score: float
+    final: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +67,9 @@ class Fit:
 
     Attributes:
         mesh: the deformed CAD model in the scan's own frame and units.
-        retrieved_mesh: the same model as it is in the database, placed in the scan's box.
-        source: the chosen candidate; candidates: it and the others that were compared, by error.
+        retrieved_mesh: the same model as it is in the database, placed in the scan.
+        placement: where that model stands: from its own coordinates to the scan's.
+        source: the chosen candidate; candidates: it and the others that were compared, best first.
         frame: takes the scan into the unit box in which networks and distances work.
         keypoints: (keypoints, 3) of the fitted model, in the scan's frame and units.
         keypoint_confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
@@ -71,15 +78,16 @@ class Fit:
         warnings: sentences about what may be wrong with the result, for people.
         category_errors: error of the best quick fit of each category tried, unit box squared, best first.
         cleaning: what each step of cleaning removed.
-        partial: whether the scan was taken as partial (one-sided error, partial networks).
-        refined: whether keypoints were refined; frame_known: whether the caller vouched for the frame.
+        partial: whether the networks for partial scans encoded it; seen: mean visibility of the result's surface.
+        deform: how far models were allowed to be changed; frame_known: whether the caller vouched for the frame.
         metrics: errors of the result, each with unit and frame.
         timings: seconds per step.
-        evidence: what `confidence` was judged by.
+        evidence: what `confidence` rests on.
     """
 
     mesh: trimesh.Trimesh
     retrieved_mesh: trimesh.Trimesh
+    placement: PlacedModel
     source: Candidate
     candidates: tuple[Candidate, ...]
     frame: Frame
@@ -90,17 +98,37 @@ class Fit:
     category_errors: dict[str, float]
     cleaning: tuple[CleaningStep, ...]
     partial: bool
-    refined: bool
+    seen: float
+    deform: str
     frame_known: bool
     metrics: tuple[Metric, ...]
     timings: dict[str, float]
     evidence: Evidence
+    placed: Placed = field(repr=False)
+    mesh_of: Callable[[int], trimesh.Trimesh] = field(repr=False)
     warnings: tuple[str, ...] = ()
 
     @property
     def category(self) -> str:
         """Category of the chosen model."""
         return self.source.category
+
+    def candidate(self, rank: int) -> trimesh.Trimesh:
+        """Deform the mesh of the candidate of this rank, 0 being the result; in the scan's frame and units.
+
+        Raises:
+            IndexError: there are not so many candidates.
+            DatabaseError: the model is no longer in the database.
+        """
+        return self.mesh_of(range(len(self.candidates))[rank])
+
+    @cached_property
+    def cleanliness(self) -> Cleanliness:
+        """How far the mesh is still CAD: flat, straight, square, mirrored, whole at its contacts."""
+        entry = self.placed.entry
+        source = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
+        result = self.frame.to_unit(np.asarray(self.mesh.vertices, dtype=np.float64))
+        return measure_cleanliness(source, result, np.asarray(entry.mesh.faces), entry.structure)
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the meshes, as plain values."""
@@ -109,12 +137,22 @@ class Fit:
             "category": self.category,
             "confidence": self.confidence,
             "warnings": list(self.warnings),
+            "deform": self.deform,
+            "step": self.source.step,
+            "model_to_scan": {
+                "matrix": self.placement.matrix.tolist(),
+                "translation": self.placement.translation.tolist(),
+                "rotation": self.placement.rotation.tolist(),
+                "scale": self.placement.scale.tolist(),
+                "own_size": self.placement.own_size,
+            },
+            "cleanliness": self.cleanliness.to_json(),
             "evidence": self.evidence.__dict__,
             "category_confidence": self.category_confidence,
             "category_errors": self.category_errors,
             "cleaning": [step.__dict__ for step in self.cleaning],
             "partial": self.partial,
-            "refined": self.refined,
+            "seen": self.seen,
             "frame_known": self.frame_known,
             "metrics": [metric.__dict__ for metric in self.metrics],
             "candidates": [
@@ -122,9 +160,11 @@ class Fit:
                     "model_id": candidate.model_id,
                     "category": candidate.category,
                     "token_distance": candidate.distance,
+                    "step": candidate.step,
                     "error": candidate.error,
-                    "refined_error": candidate.refined_error,
                     "unit": "unit box squared",
+                    "score": candidate.score,
+                    "final": candidate.final,
                 }
                 for candidate in self.candidates
             ],
@@ -133,3 +173,79 @@ class Fit:
             "unit_box_to_scan": self.frame.matrix().tolist(),
             "timings_seconds": self.timings,
         }
+
+
+def build_fit(
+    scan: CleanScan,
+    tried: Tried,
+    deformed: Deformed,
+    order: Sequence[int],
+    placed: Placed,
+    assessment: Assessment,
+    timings: dict[str, float],
+    context: Context,
+    options: FitOptions,
+) -> Fit:
+    """Gather what the stages found."""
+    candidates = tuple(_candidate(deformed, row) for row in order)
+    frame = tried.best.frame
+
+    def mesh_of(rank: int) -> trimesh.Trimesh:
+        entry = context.database.entry(candidates[rank].model_id)
+        return place_mesh(in_own_size(deformed.explanations[order[rank]], entry, frame), entry, frame)
+
+    return Fit(
+        mesh=placed.mesh,
+        retrieved_mesh=placed.undeformed,
+        placement=placed.model,
+        source=candidates[0],
+        candidates=candidates,
+        frame=frame,
+        keypoints=placed.keypoints,
+        keypoint_confidence=deformed.candidates.confidence.numpy(),
+        confidence=assessment.confidence,
+        category_confidence=assessment.of_categories,
+        category_errors=_category_errors(tried),
+        cleaning=scan.steps,
+        partial=deformed.candidates.partial,
+        seen=deformed.seen,
+        deform=options.deform,
+        frame_known=options.known,
+        metrics=_metrics(deformed, placed, options.known),
+        timings=timings,
+        evidence=assessment.evidence,
+        placed=placed,
+        mesh_of=mesh_of,
+        warnings=assessment.warnings,
+    )
+
+
+def _candidate(deformed: Deformed, row: int) -> Candidate:
+    found, one = deformed.candidates, deformed.explanations[row]
+    return Candidate(
+        found.model_ids[row],
+        found.category,
+        float(found.distances[row]),
+        one.step,
+        one.distances.error,
+        one.score,
+        one.final,
+    )
+
+
+def _category_errors(tried: Tried) -> dict[str, float]:
+    errors: dict[str, float] = {}
+    for one in tried.every:
+        errors.setdefault(one.category, one.error)
+    return errors
+
+
+def _metrics(deformed: Deformed, placed: Placed, known: bool) -> tuple[Metric, ...]:
+    box = "known unit box" if known else "estimated unit box"
+    found = placed.explanation.distances
+    both = "chamfer_distance" if deformed.seen > WHOLE else "seen_chamfer_distance"
+    return (
+        Metric("unilateral_chamfer_distance", found.forth, "unit box squared", box),
+        Metric(both, found.error, "unit box squared", box),
+        Metric("mean_scan_to_result", placed.distance, "scan units", "scan"),
+    )

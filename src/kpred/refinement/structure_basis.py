@@ -26,6 +26,12 @@ MIN_HALF_SIDE = 0.01
 ACROSS = 0.03
 """Parts that share less than this along an axis touch across it, unit box."""
 
+STANDING = 0.01
+"""Parts whose lowest points are within this of the model's lowest stand on the floor, unit box."""
+
+LEVEL = 10.0
+"""Weight that keeps what stands on the floor level."""
+
 RIGID = 1e3
 """Weight of what must hold exactly: far above that of the scan, which is about 1."""
 
@@ -56,6 +62,12 @@ class StructureBasis:
     growth: np.ndarray
     lean_axis: np.ndarray
     controls: int
+
+    @property
+    def standing(self) -> np.ndarray:
+        """(C,) whether each part stands on the floor."""
+        lowest = (self.middle - self.half)[:, 1]
+        return lowest < lowest.min() + STANDING
 
     @property
     def unknowns(self) -> int:
@@ -159,6 +171,12 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
         gap = rows[0] - rows[1]
         weight = _contact_weights(structure, config)[:, axis]
         stiff += gap.T @ (weight[:, None] * gap)
+    feet = np.flatnonzero(basis.standing)
+    if axis == 1 and len(feet) > 1:
+        soles = basis.rows((basis.middle - basis.half)[feet], feet)[1]
+        soles[:, controls + 2 :: KINDS] = soles[:, controls + 3 :: KINDS] = 0.0
+        level = soles[1:] - soles[:1]
+        stiff += LEVEL * level.T @ level
     if axis == 0 and np.isfinite(structure.mirror):
         # Odd up to a shift of everything: alpha_k + alpha_(K-1-k) is the same for all k.
         even = np.zeros((controls // 2, size))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -16,10 +16,13 @@ class StructureConfig:
         iterations: rounds of nearest neighbours and least squares.
         points: of the source and of the scan that are used in each round.
         smoothness: weight of second differences of the spline's controls; ridge: of the controls themselves.
-        part_ridge: weight of a part's own motion and growth; contact: of the gap that opens at a contact.
+        part_ridge: weight of a part's own motion and growth.
+        contact: weight of a gap that opens across a contact; sliding: of parts that slide along it.
+        lean_gain: fall of the mean squared distance, unit box, from which a part may lean.
         thickness: weight of the growth of boards seen from one side.
-        unseen: weight of the pull of unseen surface toward where the keypoints put it.
-        robust: a point farther than this many times the median distance counts less and less.
+        unseen: weight of the pull of unseen surface toward where the search begins.
+        floor: weight of what stands on the floor, where its height is known.
+        robust: a point farther than this many times the median distance counts less and less; 0 is off.
     """
 
     controls: int = 16
@@ -33,4 +36,9 @@ class StructureConfig:
     lean_gain: float = 3e-5
     thickness: float = 1.0
     unseen: float = 1.0
+    floor: float = 10.0
     robust: float = 20.0
+
+    def quick(self) -> StructureConfig:
+        """The few rounds, with half of the points, by which finalists are found."""
+        return replace(self, iterations=max(1, self.iterations // 3), points=max(1, self.points // 2))

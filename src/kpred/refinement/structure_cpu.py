@@ -32,7 +32,7 @@ SEEN = 0.3
 @no_type_check
 def fit_rounds(
     spline, own, bounds, group, boxes, lean_axis, points, start, visible, held, goal, stiff, growth, limits, can_lean, can_bend,
-    rounds, robust, minimum, lean_gain, solution, moved,
+    feet, floor, rounds, robust, minimum, lean_gain, solution, moved,
 ):  # fmt: skip
     """Fills `solution` (3, U) and `moved` (N, 3); points are sorted by part.
 
@@ -45,6 +45,7 @@ def fit_rounds(
         visible: (N,) how surely each was seen; held: (N,) weight of staying at `start`.
         goal: (M, 3); stiff: (3, U, U); growth: (C, 3, U) of each part; limits: (C, 3, 3) lowest and highest growth, and
             the half side that a part's own growth is measured by.
+        feet: (N,) weight of points that stand on the floor; floor: its height.
         robust: squared multiple of the median distance, 0 for equal weights; minimum: least squared scale.
         lean_gain: gain in weighted squared distance from which a lean is accepted.
     """
@@ -61,7 +62,7 @@ def fit_rounds(
         seen = np.arange(count)
     moved[:] = start
     for turn in range(rounds):
-        _match(moved, goal, visible, seen, turn % 2, robust, minimum, wanted)
+        match(moved, goal, visible, seen, turn % 2, robust, minimum, wanted)
         for i in range(count):
             for axis in range(3):
                 wanted[i, axis] += held[i] * start[i, axis]
@@ -72,6 +73,9 @@ def fit_rounds(
             for i in range(count):
                 weighted[i] = wanted[i, 3]
                 residual[i] = wanted[i, axis] - wanted[i, 3] * points[i, axis]
+                if axis == 1:
+                    weighted[i] += feet[i]
+                    residual[i] += feet[i] * (floor - points[i, 1])
             _assemble(spline[axis], own[axis], bounds, group, weighted, residual, controls, normal, right)
             for j in range(unknowns):
                 for k in range(j + 1):
@@ -109,7 +113,7 @@ def _find_leans(own, bounds, group, wanted, moved, can_lean, lean_gain, leaning)
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _match(moved, goal, visible, seen, first, robust, minimum, wanted):
+def match(moved, goal, visible, seen, first, robust, minimum, wanted):
     """Fills `wanted` (N, 4): where points should be, times weight, and the weight; both ways."""
     wanted[:] = 0
     asked = goal[first::2].copy()

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from kpred.ops.typing import Float, Int
-from kpred.refinement.structure_basis import StructureBasis
+from kpred.refinement.freedom import growth_limits, part_boxes, possible_bends, possible_leans
+from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_cpu import apply_columns, fit_rounds
+from kpred.shapes.structure import Structure
 
-MIN_GROWTH, MAX_GROWTH = 0.25, 4.0
-"""Least and largest factor by which a part's side may shrink or grow."""
-
-MIN_SCALE = 1e-5
+MIN_SCALE = 1e-4
 """Least squared distance that counts as one in robust weights, unit box."""
+
+THIN = 0.15
+"""A part with a side shorter than this is a board or a bar, whose thickness is seen only from two sides; unit box."""
+
+OUTSIDE = 0.12
+"""Surface is seen if a place so far outside of it is, unit box: the grid of visibility is no finer."""
+
+STANDS = 0.02
+"""Points of a part that stands on the floor are held there if they lie this close to its lowest, unit box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,116 +36,155 @@ class StructureMap:
     """
 
     basis: StructureBasis
-    solution: np.ndarray
+    solution: Float[np.ndarray, "3 unknowns"]
 
     def __call__(
         self, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
     ) -> Float[np.ndarray, "points 3"]:
         """Move points of the given parts."""
+        basis = self.basis
         order = np.argsort(parts, kind="stable")
         place = np.ascontiguousarray(points[order], dtype=np.float64)
-        bounds = np.searchsorted(parts[order], np.arange(self.basis.structure.parts + 1))
+        bounds = np.searchsorted(parts[order], np.arange(basis.structure.parts + 1))
         moved = np.empty_like(place)
-        basis = self.basis
-        columns = basis.columns(place, parts[order])
         boxes = (basis.group, part_boxes(basis), basis.lean_axis)
+        columns = basis.columns(place, parts[order])
         apply_columns(*columns, bounds, *boxes, place, self.solution, basis.growth, growth_limits(basis), moved)
         found = np.empty_like(moved)
         found[order] = moved
         return found
 
-
-def part_boxes(basis: StructureBasis) -> Float[np.ndarray, "parts 13"]:
-    """Own axes (longest first), middle, and 1 for parts that do not lie along the axes."""
-    structure = basis.structure
-    found = np.zeros((structure.parts, 13))
-    for part in range(structure.parts):
-        axes = structure.axes[part]
-        side = np.diff(structure.boxes[part], axis=0)[0]
-        order = np.argsort(-side, kind="stable")
-        found[part, :9] = axes[order].reshape(-1)
-        found[part, 9:12] = structure.boxes[part].mean(axis=0) @ axes
-        found[part, 12] = float((axes != np.eye(3)).any())
-    return found
+    def growth(self) -> Float[np.ndarray, "parts 3"]:
+        """Factor by which each side of each part grows."""
+        grown = (self.basis.growth * self.solution[None]).sum(axis=2)
+        found: np.ndarray = 1.0 + grown / (2.0 * self.basis.half)
+        return found
 
 
-def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
-    """Leans of each group in x, y and z: 0 impossible, 1 where the scan shows it, 2 free since the part is oblique."""
-    structure = basis.structure
-    found = np.ones((int(basis.group.max()) + 1, 3), np.int64)
-    for part in range(structure.parts):
-        group = basis.group[part]
-        if (structure.axes[part] != np.eye(3)).any():
-            found[group] = 2
-        # A part that is its own mirror image leans neither to a side nor along one.
-        if np.isfinite(structure.mirror) and structure.mirrored_parts[part] == part:
-            found[group, 0] = 0
-            found[group, 1] = 0 if basis.lean_axis[part, 1] == 0 else found[group, 1]
-        # What is wider than it is long along the axis leans as a whole model would: not by itself.
-        for axis in range(3):
-            along = basis.lean_axis[part, axis]
-            if basis.half[part, along] < 1.5 * basis.half[part, axis]:
-                found[group, axis] = 0
-    return found
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Columns of some of the points, sorted by part."""
+
+    order: np.ndarray
+    points: np.ndarray
+    bounds: np.ndarray
+    spline: np.ndarray
+    own: np.ndarray
 
 
-def possible_bends(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
-    """Bends of each group in x, y and z: 1 for parts that are curved, unless symmetry forbids it."""
-    structure = basis.structure
-    found = np.zeros((int(basis.group.max()) + 1, 3), np.int64)
-    for part in np.flatnonzero(structure.curved):
-        found[basis.group[part]] = 1
-        if np.isfinite(structure.mirror) and structure.mirrored_parts[part] == part:
-            found[basis.group[part], 0] = 0
-    return found
+@dataclass(frozen=True, eq=False)
+class StructureModel:
+    """One model made ready for structure-keeping fits: what depends on it alone.
+
+    Attributes:
+        basis: its columns; points: (N, 3), parts: (N,), normals: (N, 3) pointing outward, of its surface, unit box.
+    """
+
+    basis: StructureBasis
+    points: Float[np.ndarray, "points 3"]
+    parts: Int[np.ndarray, " points"]
+    normals: Float[np.ndarray, "points 3"]
+    _freedom: tuple[np.ndarray, ...]
+    _columns: dict[int, _Columns] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        structure: Structure,
+        points: Float[np.ndarray, "points 3"],
+        parts: Int[np.ndarray, " points"],
+        normals: Float[np.ndarray, "points 3"],
+        config: StructureConfig,
+    ) -> StructureModel:
+        """Set up a model of this structure; all in its unit box."""
+        basis = structure_basis(structure, config)
+        freedom = (growth_limits(basis), possible_leans(basis), possible_bends(basis), part_boxes(basis))
+        return cls(basis, points, parts, normals, freedom)
+
+    def moved(self, found: StructureMap) -> Float[np.ndarray, "points 3"]:
+        """Move the model's own points; float32."""
+        columns, basis = self.columns(1), self.basis
+        result = np.empty_like(columns.points)
+        apply_columns(
+            columns.spline, columns.own, columns.bounds, basis.group, self._freedom[3], basis.lean_axis, columns.points,
+            found.solution, basis.growth, self._freedom[0], result,
+        )  # fmt: skip
+        ordered = np.empty_like(result)
+        ordered[columns.order] = result
+        return ordered
+
+    def columns(self, step: int) -> _Columns:
+        """Columns of every `step`-th point in the order of the parts; computed once."""
+        if step not in self._columns:
+            order = np.argsort(self.parts, kind="stable")[::step]
+            parts = self.parts[order]
+            place = np.ascontiguousarray(self.points[order], dtype=np.float32)
+            bounds = np.searchsorted(parts, np.arange(self.basis.structure.parts + 1))
+            self._columns[step] = _Columns(order, place, bounds, *self.basis.columns(place, parts))
+        return self._columns[step]
+
+    def feet(self) -> Float[np.ndarray, " points"]:
+        """Weight of each point that stands on the floor, 1 in all; 0 for the others."""
+        low = (self.basis.middle - self.basis.half)[self.parts, 1]
+        found = (self.basis.standing[self.parts] & (self.points[:, 1] < low + STANDS)).astype(np.float64)
+        return found / max(found.sum(), 1.0)
 
 
-def growth_limits(basis: StructureBasis) -> Float[np.ndarray, "parts 3 3"]:
-    """Lowest and highest growth of each part's sides, and their half side; unit box."""
-    half = basis.half
-    return np.stack([2 * half * (MIN_GROWTH - 1), 2 * half * (MAX_GROWTH - 1), half], axis=2)
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a scan shows of one model's surface, in the scan's unit box.
+
+    Attributes:
+        goal: (M, 3) points of the scan, in random order.
+        visible: how surely places (Q, 3) would have been seen, (Q,) from 0 to 1.
+        floor: height of the floor that the object stands on; None where it is not known.
+    """
+
+    goal: Float[np.ndarray, "goal 3"]
+    visible: Callable[[np.ndarray], np.ndarray]
+    floor: float | None = None
 
 
 def fit_structure(
-    basis: StructureBasis,
-    points: Float[np.ndarray, "points 3"],
-    parts: Int[np.ndarray, " points"],
+    model: StructureModel,
     start: Float[np.ndarray, "points 3"],
-    goal: Float[np.ndarray, "goal 3"],
-    visible: Float[np.ndarray, " points"],
-    held: Float[np.ndarray, " points"],
+    evidence: Evidence,
     config: StructureConfig,
 ) -> StructureMap:
     """Fit the unknowns of one model to a scan.
 
     Args:
-        points: of the source; parts: theirs; start: where the keypoints put them; unit boxes.
-        goal: points of the scan; visible: how surely each point of the source was seen; held: weight of staying at
-            `start`.
+        start: (N, 3) where the model's points are when they are first matched, and where unseen ones are held.
     """
-    order = np.argsort(parts, kind="stable")[:: max(1, len(points) // config.points)]
-    some = parts[order]
-    place = np.ascontiguousarray(points[order], dtype=np.float32)
-    bounds = np.searchsorted(some, np.arange(basis.structure.parts + 1))
+    basis = model.basis
+    step = max(1, len(model.points) // config.points)
+    columns = model.columns(step)
+    place = start[columns.order]
+    seen = evidence.visible(place + OUTSIDE * model.normals[columns.order])
+    stiff = basis.stiff + config.thickness * _thickness(model, columns, seen)
     solution = np.zeros((3, basis.unknowns))
-    moved = np.empty_like(place)
-    few = np.ascontiguousarray(goal[:: max(1, len(goal) // config.points)], dtype=np.float32)
+    moved = np.empty_like(columns.points)
+    weight = 0.0 if evidence.floor is None else config.floor
+    limits, leans, bends, boxes = model._freedom
     fit_rounds(
-        *basis.columns(place, some),
-        bounds,
+        columns.spline,
+        columns.own,
+        columns.bounds,
         basis.group,
-        part_boxes(basis),
+        boxes,
         basis.lean_axis,
-        place,
-        np.ascontiguousarray(start[order], dtype=np.float32),
-        visible[order].astype(np.float32),
-        held[order].astype(np.float32),
-        few,
-        basis.stiff,
+        columns.points,
+        np.ascontiguousarray(place, dtype=np.float32),
+        seen.astype(np.float32),
+        (config.unseen * (1.0 - seen) / len(seen)).astype(np.float32),
+        np.ascontiguousarray(evidence.goal[:: max(1, len(evidence.goal) // config.points)], dtype=np.float32),
+        stiff,
         basis.growth,
-        growth_limits(basis),
-        possible_leans(basis),
-        possible_bends(basis),
+        limits,
+        leans,
+        bends,
+        weight * model.feet()[columns.order] * step,
+        0.0 if evidence.floor is None else evidence.floor,
         config.iterations,
         config.robust**2,
         MIN_SCALE,
@@ -145,3 +193,21 @@ def fit_structure(
         moved,
     )
     return StructureMap(basis, solution)
+
+
+def _thickness(model: StructureModel, columns: _Columns, seen: np.ndarray) -> np.ndarray:
+    """(3, U, U) quadratic form that keeps the thickness of boards and bars of which one side was seen."""
+    basis = model.basis
+    parts, normals = model.parts[columns.order], model.normals[columns.order]
+    found = np.zeros_like(basis.stiff)
+    for axis in range(3):
+        sides = []
+        for sign in (-1.0, 1.0):
+            facing = (sign * normals[:, axis] > 0.7).astype(np.float64)
+            total = np.bincount(parts, facing, basis.structure.parts)
+            sides.append(np.bincount(parts, facing * seen, basis.structure.parts) / np.maximum(total, 1e-9))
+        hidden = 1.0 - np.minimum(*sides)
+        thin = (2 * basis.half[:, axis] < THIN) & (hidden > 0.05)
+        rows = basis.growth[thin, axis]
+        found[axis] = rows.T @ (hidden[thin][:, None] * rows)
+    return found

@@ -30,6 +30,9 @@ from kpred.training.visibility_scans import draw_kinds, draw_visible, sample_sca
 YAW = math.radians(10.0)
 """Largest yaw of a scan that is about canonical."""
 
+CANDIDATES = 4
+"""Surface points that a scan is sampled from, for each point of the largest scan."""
+
 BOX = 1.15
 """Half side of the box of random places, in half sides of a shape's box."""
 
@@ -69,16 +72,17 @@ def draw_batch(data: VisibilityData, config: VisibilityTraining, generator: torc
     options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
     rows, others = data.draw(count, generator)
     factors = random_factors(count, config.stretch, generator)
+    dense = data.clouds[rows].float() * factors
     # Places are no points of the scan, which would be a little nearer to it than a surface is.
     third = config.queries // 3
-    own, dense = (data.clouds[rows].float() * factors).split([third, data.clouds.shape[1] - third], dim=1)
+    own, candidates = dense[:, :third], dense[:, third : third + CANDIDATES * config.points]
     other = data.clouds[others, :third].float() * factors
     places = _draw_places(own, other, config, generator)
     kind = draw_kinds(config, count, generator)
-    visible = draw_visible(dense, places, kind, config, generator)
+    visible = draw_visible(dense, candidates, places, kind, config, generator)
     # Sizes of scans are spread evenly on a logarithmic scale.
     size = math.exp(float(torch.rand(1, **options)) * math.log(config.points / config.min_points)) * config.min_points
-    scans = sample_scans(dense, visible.points, round(size), config, generator)
+    scans = sample_scans(candidates, visible.candidates, round(size), config, generator)
     near = YAW * (2 * torch.rand(count, **options) - 1)
     anywhere = 2 * math.pi * torch.rand(count, **options)
     yaw = torch.where(torch.rand(count, **options) < config.rotated, anywhere, near)

@@ -29,10 +29,10 @@ class VisibilityTraining(SingleStageConfig):
         rotated: fraction of scans at any yaw; the others are rotated by up to 10 degrees.
     """
 
-    optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=32))
-    points: int = 2048
+    optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=24))
+    points: int = 512
     min_points: int = 200
-    queries: int = 384
+    queries: int = 240
     whole: float = 0.3
     sliced: float = 0.25
     viewed: float = 0.3

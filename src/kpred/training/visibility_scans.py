@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from kpred.ops.cloud_depth import render_depth
+from kpred.ops.cloud_depth import CloudDepth, render_depth
 from kpred.ops.occlusion import random_directions
 from kpred.ops.typing import Bool, Float, Int
 from kpred.training.augmentation import RESOLUTION, box_of, disturbed
@@ -24,9 +24,9 @@ WAVE_NUMBER = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Visible:
-    """What scanners of the kinds `kind` see: points of the dense clouds, and places, in these clouds' frames."""
+    """What scanners see: of points that scans may be sampled from, and of places."""
 
-    points: Bool[Tensor, "batch points"]
+    candidates: Bool[Tensor, "batch candidates"]
     places: Bool[Tensor, "batch places"]
 
 
@@ -38,50 +38,51 @@ def draw_kinds(config: VisibilityTraining, count: int, generator: torch.Generato
 
 def draw_visible(
     dense: Float[Tensor, "batch points 3"],
+    candidates: Float[Tensor, "batch candidates 3"],
     places: Float[Tensor, "batch places 3"],
     kind: Int[Tensor, " batch"],
     config: VisibilityTraining,
     generator: torch.Generator,
 ) -> Visible:
-    """Draw scanners of dense clouds and report which points and places (unit of the clouds) they see."""
-    points = torch.ones(dense.shape[:2], dtype=torch.bool, device=dense.device)
+    """Draw scanners of dense clouds and report which surface points and places (unit of the clouds) they see.
+
+    `candidates` are points of the same surfaces, fewer than the dense clouds need to hide what is behind them.
+    """
+    points = torch.ones(candidates.shape[:2], dtype=torch.bool, device=dense.device)
     seen = torch.ones(places.shape[:2], dtype=torch.bool, device=dense.device)
     sliced = (kind == 1).nonzero()[:, 0]
     if len(sliced):
-        points[sliced], seen[sliced] = _sliced(dense[sliced], places[sliced], config.hidden, generator)
+        points[sliced], seen[sliced] = _sliced(candidates[sliced], places[sliced], config.hidden, generator)
     viewed = (kind >= 2).nonzero()[:, 0]
     if len(viewed):
         several = torch.randint(2, config.max_views + 1, (len(viewed),), generator=generator, device=dense.device)
         views = torch.where(kind[viewed] == 2, 1, several)
-        points[viewed], seen[viewed] = _viewed(dense[viewed], places[viewed], views, config.tolerance, generator)
+        images, owner = _draw_views(dense[viewed], views, generator)
+        for found, queried, tolerance in ((points, candidates, 0.0), (seen, places, config.tolerance)):
+            by_view = images.sees(queried[viewed][owner], tolerance)
+            count = torch.zeros(len(viewed), by_view.shape[1], device=dense.device)
+            found[viewed] = count.index_add_(0, owner, by_view.float()) > 0
     return Visible(points, seen)
 
 
 def _sliced(
-    dense: Tensor, places: Tensor, hidden: tuple[float, float], generator: torch.Generator
+    points: Tensor, places: Tensor, hidden: tuple[float, float], generator: torch.Generator
 ) -> tuple[Tensor, Tensor]:
-    ratio = hidden[0] + (hidden[1] - hidden[0]) * torch.rand(len(dense), generator=generator, device=dense.device)
-    normal = random_directions(len(dense), generator, dense.device)[:, :, None]
-    height = (dense @ normal)[..., 0]
-    rank = ((1 - ratio) * (dense.shape[1] - 1)).long()
+    """What a random plane leaves of each cloud and of the space around it."""
+    ratio = hidden[0] + (hidden[1] - hidden[0]) * torch.rand(len(points), generator=generator, device=points.device)
+    normal = random_directions(len(points), generator, points.device)[:, :, None]
+    height = (points @ normal)[..., 0]
+    rank = ((1 - ratio) * (points.shape[1] - 1)).long()
     level = torch.gather(height.sort(dim=1).values, 1, rank[:, None])
     return height <= level, (places @ normal)[..., 0] <= level
 
 
-def _viewed(
-    dense: Tensor, places: Tensor, views: Tensor, tolerance: float, generator: torch.Generator
-) -> tuple[Tensor, Tensor]:
-    """What any of `views` (batch,) cameras sees of each cloud."""
+def _draw_views(dense: Tensor, views: Tensor, generator: torch.Generator) -> tuple[CloudDepth, Tensor]:
+    """Depth images of `views` (batch,) random cameras of each cloud, and the cloud of each image."""
     owner = torch.arange(len(dense), device=dense.device).repeat_interleave(views)
     middle, half = box_of(dense)
-    cameras = random_cameras(views, generator)
-    clouds = dense[owner]
-    images = render_depth(clouds, middle[owner, 0] + half[owner, 0] * cameras, RESOLUTION)
-    found = []
-    for seen in (images.sees(clouds), images.sees(places[owner], tolerance)):
-        count = torch.zeros(len(dense), seen.shape[1], device=dense.device)
-        found.append(count.index_add_(0, owner, seen.float()) > 0)
-    return found[0], found[1]
+    cameras = middle[owner, 0] + half[owner, 0] * random_cameras(views, generator)
+    return render_depth(dense[owner], cameras, RESOLUTION), owner
 
 
 def random_cameras(views: Int[Tensor, " batch"], generator: torch.Generator) -> Float[Tensor, "views 3"]:
@@ -99,21 +100,21 @@ def random_cameras(views: Int[Tensor, " batch"], generator: torch.Generator) -> 
 
 
 def sample_scans(
-    dense: Float[Tensor, "batch points 3"],
-    visible: Bool[Tensor, "batch points"],
+    candidates: Float[Tensor, "batch candidates 3"],
+    visible: Bool[Tensor, "batch candidates"],
     count: int,
     config: VisibilityTraining,
     generator: torch.Generator,
 ) -> Float[Tensor, "batch count 3"]:
-    """Sample visible points (unit of the clouds) unevenly, with noise and strays; they repeat if few are seen."""
-    options: dict[str, Any] = {"generator": generator, "device": dense.device}
-    wave = WAVE_NUMBER * torch.randn(len(dense), 3, 1, **options)
-    phase, amplitude = torch.rand(2, len(dense), 1, **options)
-    density = config.density * amplitude * torch.sin((dense @ wave)[..., 0] + 2 * math.pi * phase)
+    """Sample visible candidates (unit box) unevenly, with noise and strays; they repeat if few are seen."""
+    options: dict[str, Any] = {"generator": generator, "device": candidates.device}
+    wave = WAVE_NUMBER * torch.randn(len(candidates), 3, 1, **options)
+    phase, amplitude = torch.rand(2, len(candidates), 1, **options)
+    density = config.density * amplitude * torch.sin((candidates @ wave)[..., 0] + 2 * math.pi * phase)
     # The largest sums of logarithmic weight and Gumbel noise are a weighted sample without repeats.
-    gumbel = -torch.empty(dense.shape[:2], device=dense.device).exponential_(generator=generator).log()
+    gumbel = -torch.empty(candidates.shape[:2], device=candidates.device).exponential_(generator=generator).log()
     order = torch.where(visible, density + gumbel, -torch.inf).topk(count, dim=1).indices
-    slot = torch.arange(count, device=dense.device)[None] % visible.sum(1, keepdim=True).clamp(min=1)
+    slot = torch.arange(count, device=candidates.device)[None] % visible.sum(1, keepdim=True).clamp(min=1)
     index = torch.gather(order, 1, slot)
-    cloud = torch.gather(dense, 1, index[..., None].expand(-1, -1, 3))
+    cloud = torch.gather(candidates, 1, index[..., None].expand(-1, -1, 3))
     return disturbed(cloud, config.noise, config.outliers, generator)

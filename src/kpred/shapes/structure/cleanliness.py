@@ -22,7 +22,7 @@ from kpred.shapes.structure.part_maps import (
     own_extents,
 )
 from kpred.shapes.structure.structure import Structure
-from kpred.shapes.structure.weighted import weighted_mean, weighted_percentile
+from kpred.shapes.structure.weighted import weighted_mean, weighted_quantile
 
 MIRROR_TOLERANCE = 2e-3
 """Vertices mirror each other if they do so up to this fraction of the source's longest side."""
@@ -109,7 +109,7 @@ def measure_cleanliness(
         part_box=weighted_mean(boxes, rigid),
         part_shear=weighted_mean(shears, rigid),
         contact_gap=weighted_mean(gaps, np.ones(len(gaps))),
-        contact_gap_95=weighted_percentile(gaps, np.ones(len(gaps)), 95),
+        contact_gap_95=weighted_quantile(gaps, np.ones(len(gaps)), 0.95),
         folded_faces=int(find_folded(maps, frames[0].normals, frames[1].normals, face_parts, flat).sum()),
         dihedral_change=edges.dihedral_change,
     )

@@ -19,7 +19,7 @@ from kpred.shapes.structure.edge_pairs import (
 )
 from kpred.shapes.structure.facets import MAX_BOW, MAX_OFF_PLANE, SMOOTH_ANGLE
 from kpred.shapes.structure.groups import group_spreads
-from kpred.shapes.structure.weighted import weighted_mean, weighted_percentile
+from kpred.shapes.structure.weighted import weighted_mean, weighted_quantile
 
 SQUARE_ANGLE = 1.0
 """Dihedral angles within so many degrees of 90 are right angles."""
@@ -71,7 +71,7 @@ def measure_edges(
     return EdgeChanges(
         straightness=_straightness(source, result, faces, before, welded, np.isin(edges, edges[feature])),
         squareness=weighted_mean(change, square),
-        squareness_95=weighted_percentile(change, square, 95),
+        squareness_95=weighted_quantile(change, square, 0.95),
         dihedral_change=weighted_mean(np.minimum(opened, 360.0 - opened), interior),
     )
 

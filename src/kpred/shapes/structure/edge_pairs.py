@@ -98,7 +98,7 @@ def direction_keys(directions: Float[np.ndarray, "items 3"]) -> Float[np.ndarray
 
 
 def angles_between(first: Float[np.ndarray, "pairs 3"], second: Float[np.ndarray, "pairs 3"]) -> np.ndarray:
-    """Compute angles of unit vectors, (pairs,) degrees, exact for small ones; 90 where one vector is zero."""
+    """Compute angles of unit vectors, (pairs,) degrees, exact for small ones; 90 if one is zero, 0 if both are."""
     apart, together = first - second, first + second
     squares = np.einsum("pi,pi->p", apart, apart), np.einsum("pi,pi->p", together, together)
     angles: np.ndarray = np.degrees(2.0 * np.arctan2(np.sqrt(squares[0]), np.sqrt(squares[1])))

@@ -10,7 +10,7 @@ from kpred.ops.typing import Float, Int
 from kpred.shapes.structure.edge_pairs import FaceFrames, direction_keys, line_angles, pairs_in_groups
 from kpred.shapes.structure.groups import group_spreads
 from kpred.shapes.structure.structure import Structure
-from kpred.shapes.structure.weighted import weighted_mean, weighted_percentile
+from kpred.shapes.structure.weighted import weighted_mean, weighted_quantile
 
 ALIGNED_ANGLE = 1.0
 """Facets within so many degrees of each other are parallel, of an axis along it."""
@@ -56,7 +56,7 @@ def measure_facets(
         flatness=weighted_mean(np.maximum(off_plane[1] - off_plane[0], 0.0), areas),
         parallelism=_parallelism(before, after, measured, _facet_parts(faces[kept], facets, count, structure)),
         axis_tilt=weighted_mean(tilts, aligned),
-        axis_tilt_95=weighted_percentile(tilts, aligned, 95),
+        axis_tilt_95=weighted_quantile(tilts, aligned, 0.95),
     )
 
 

@@ -40,6 +40,7 @@ MAX_BOW = 1e-3
 """Coplanar faces that spread off their plane by more than this fraction of their spread along it are curved."""
 
 _PAIR_REACH = 3
+_MAX_THIN_ROW = 256
 
 
 def weld(vertices: Float[np.ndarray, "vertices 3"], tolerance: float) -> Int[np.ndarray, " vertices"]:
@@ -95,10 +96,10 @@ def planar_facets(
     facets = _components(left[coplanar], right[coplanar], len(faces))
     area = np.bincount(facets, frames.areas)
     bend = angles_between(frames.inward[first], -frames.inward[second])
-    smooth = ~coplanar & (bend <= SMOOTH_ANGLE) & (facets[left] != facets[right])
+    smooth = ~coplanar & (bend <= SMOOTH_ANGLE) & (facets[left] != facets[right]) & (frames.areas[left] > 0)
     strips = _strips(facets[left[smooth]], facets[right[smooth]], frames.lengths[first[smooth]], area)
-    planar_facet = (area > 0) & ~strips & ~_bowed(scaled, faces, facets)
-    planar = np.asarray(planar_facet)[facets]
+    curved: np.ndarray = strips | _bowed(scaled, faces, facets) | (area <= 0)
+    planar = ~curved[facets]
     found = np.full(len(faces), -1, np.int64)
     found[planar] = _in_order(facets[planar])
     return found
@@ -107,17 +108,21 @@ def planar_facets(
 def _adopted_normals(frames: FaceFrames, edges: np.ndarray) -> np.ndarray:
     """Normals where a face of no area has that of its neighbour at its longest edge, so that it separates no facet."""
     normals = frames.normals.copy()
-    thin = ~normals.any(axis=1)
+    thin: np.ndarray = frames.areas <= 0
     if not thin.any():
         return normals
     pairs = pairs_in_groups(edges, np.repeat(thin.astype(np.float64), 3), _PAIR_REACH)
     first, second = np.concatenate(pairs), np.concatenate(pairs[::-1])
-    order = np.flatnonzero(thin[first // 3])
-    order = order[np.argsort(frames.lengths[first[order]], kind="stable")]
-    face, neighbour = first[order] // 3, second[order] // 3
-    # Thin faces lie side by side in rows of few.
-    for _ in range(3):
-        found = ~normals[face].any(axis=1) & normals[neighbour].any(axis=1)
+    # Of two long edges either will do; across a short one lies another facet, more often than not.
+    longest = frames.lengths.reshape(-1, 3).max(axis=1)
+    kept = np.flatnonzero(thin[first // 3] & (frames.lengths[first] > 0.9 * longest[first // 3]))
+    kept = kept[np.argsort(frames.lengths[first[kept]], kind="stable")]
+    face, neighbour = first[kept] // 3, second[kept] // 3
+    for _ in range(_MAX_THIN_ROW):
+        known = (normals != 0).any(axis=1)
+        found = np.flatnonzero(~known[face] & known[neighbour])
+        if not len(found):
+            break
         normals[face[found]] = normals[neighbour[found]]
     return normals
 

@@ -35,10 +35,7 @@ def group_spreads(
     """Compute RMS distances of each group's points from their mean along principal axes, smallest first.
 
     The first is the RMS distance to the best plane, the root of the sum of the first two's squares that to the best
-    line. Zeros for groups of one point and for empty ones; the first is exactly 0 for three points or fewer.
+    line. Zeros for groups of one point and for empty ones.
     """
-    number = np.bincount(groups, minlength=count)
-    covariances = group_covariances(points, points, groups, count)
-    spreads = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances), 0.0))
-    spreads[number <= 3, 0] = 0.0
+    spreads: np.ndarray = np.sqrt(np.maximum(np.linalg.eigvalsh(group_covariances(points, points, groups, count)), 0.0))
     return spreads

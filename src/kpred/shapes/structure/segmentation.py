@@ -36,7 +36,8 @@ def vertex_parts(
     area_of = np.bincount(component[faces[:, 0]], area, count)
     order = np.argsort(-area_of, kind="stable")
     side = (high - low).max(axis=1)
-    large = [c for c in order if side[c] >= MIN_SIDE * float(np.ptp(vertices, axis=0).max()) and area_of[c] > 0]
+    least = MIN_SIDE * float(np.ptp(vertices, axis=0).max())
+    large = [c for c in order if side[c] >= least and area_of[c] > 0]
     anchors = np.array((large or list(order))[:most])
     middle = (low + high) / 2
     # Distance from each piece's middle to each anchor's box; a piece inside several boxes joins the smallest of them.

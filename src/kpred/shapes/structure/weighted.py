@@ -1,4 +1,4 @@
-"""Means and percentiles of weighted values; 0 where there is nothing to weigh."""
+"""Means and quantiles of weighted values; 0 where there is nothing to weigh."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ def weighted_mean(values: Float[np.ndarray, " items"], weights: Float[np.ndarray
     return float((values * weights).sum()) / total if total > 0 else 0.0
 
 
-def weighted_percentile(
-    values: Float[np.ndarray, " items"], weights: Float[np.ndarray, " items"], percent: float
+def weighted_quantile(
+    values: Float[np.ndarray, " items"], weights: Float[np.ndarray, " items"], fraction: float
 ) -> float:
-    """Find the smallest value that this percentage of the weight does not exceed; 0 without any weight."""
-    total = float(weights.sum())
-    if not total > 0:
+    """Find the smallest value that at least this fraction of the weight does not exceed; 0 without any weight."""
+    weighed = np.flatnonzero(weights > 0)
+    if not len(weighed):
         return 0.0
-    order = np.argsort(values, kind="stable")
+    order = weighed[np.argsort(values[weighed], kind="stable")]
     reached = np.cumsum(weights[order])
-    # Less by rounding: the sum of all weights must be reached.
-    return float(values[order[np.searchsorted(reached, min(percent / 100.0 * total, reached[-1]))]])
+    # By rounding the fraction of the sum could exceed what all weights reach.
+    index = min(int(np.searchsorted(reached, fraction * reached[-1])), len(order) - 1)
+    return float(values[order[index]])

@@ -1,0 +1,221 @@
+"""Each candidate deformed to the scan by the simplest step that explains it: placed, sized, restructured, or free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+import numpy as np
+import torch
+
+from kpred.fitting.candidates import Candidates
+from kpred.fitting.refine_config import RefineConfig
+from kpred.fitting.visibility import Visibility
+from kpred.ops.typing import Float, Int
+from kpred.ops.worksharing import share_out
+from kpred.refinement.placement import Placement, fit_placement
+from kpred.refinement.score import COSTS, Distances, Step, distances, spacing
+from kpred.refinement.structure_config import StructureConfig
+from kpred.refinement.structure_fit import Evidence, StructureMap, StructureModel, fit_structure
+
+Deform = Literal["auto", "none", "scale", "structure", "free", "paper"]
+
+PLACED_POINTS = 384
+"""Points of model and scan by which undeformed models are placed."""
+
+COMPARED_POINTS = 512
+"""Points of the scan by which candidates are compared; the result's error is of all."""
+
+FINALISTS, FINALISTS_UNSEEN = 4, 6
+"""Candidates that are deformed to the end, of whole scans and of those that lack something; others are estimates."""
+
+WHOLE = 0.95
+"""Mean visibility from which on a scan counts as whole where candidates are compared."""
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPoints:
+    """Points of one model: of its surface, or the vertices of its mesh; unit box.
+
+    Attributes:
+        points: (N, 3); parts: (N,); basis: (N, K) deformation basis.
+    """
+
+    points: Float[np.ndarray, "points 3"]
+    parts: Int[np.ndarray, " points"]
+    basis: Float[np.ndarray, "points keypoints"]
+
+
+Deformation = Callable[[ModelPoints], np.ndarray]
+"""From points of a model, unit box, to where they go, (N, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One candidate, deformed to the scan.
+
+    Attributes:
+        step: how far the model was changed; deformation: the change.
+        points: (N, 3) of the deformed surface, float32, the scan's unit box.
+        distances: between it and the scan; score: log error and cost, the lower the better.
+        placement: of the undeformed model; structure: unknowns of the structure-keeping map, if it is one.
+        final: whether it was deformed to the end; others are estimates.
+    """
+
+    step: Step
+    deformation: Deformation
+    points: Float[np.ndarray, "points 3"]
+    distances: Distances
+    score: float
+    placement: Placement
+    structure: StructureMap | None = None
+    final: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Deformed:
+    """The candidates of one hypothesis, each with its best explanation, in the order of retrieval.
+
+    Attributes:
+        candidates: as they were retrieved; visibility: of places in the scan's unit box; seen: its mean over results.
+    """
+
+    candidates: Candidates
+    visibility: Visibility
+    explanations: tuple[Explanation, ...]
+    seen: float
+
+
+def deform_candidates(
+    candidates: Candidates,
+    visibility: Visibility,
+    deform: Deform = "auto",
+    *,
+    refinement: RefineConfig | None = None,
+    structure: StructureConfig | None = None,
+    floor: float | None = None,
+) -> Deformed:
+    """Deform every candidate to its scan, as far as `deform` allows and the scan demands.
+
+    Args:
+        candidates: retrieved; visibility: of places around the scan; floor: its height, scan's unit box.
+        refinement: of keypoints, for `free`; structure: settings of the structure-keeping fit.
+    """
+    work = _Work(candidates, visibility, structure or StructureConfig(), floor)
+    if deform in ("paper", "free"):
+        explanations = work.smooth(deform, refinement or RefineConfig())
+    elif deform in ("none", "scale"):
+        explanations = [work.simple(row, placed, deform) for row, placed in enumerate(work.placements)]
+    else:
+        explanations = work.structured(simplest=deform == "auto")
+    seen = float(np.mean([one.distances.seen for one in explanations]))
+    return Deformed(candidates, visibility, tuple(explanations), seen)
+
+
+class _Work:
+    """What all candidates of one hypothesis are deformed with."""
+
+    def __init__(
+        self, candidates: Candidates, visibility: Visibility, config: StructureConfig, floor: float | None
+    ) -> None:
+        self.candidates, self.visibility, self.config = candidates, visibility, config
+        self.goal = np.ascontiguousarray(candidates.target.numpy())
+        self.few = np.ascontiguousarray(self.goal[:: max(1, len(self.goal) // PLACED_POINTS)])
+        self.spacing = spacing(self.goal)
+        self.evidence = Evidence(self.goal, visibility, floor)
+        self.points = candidates.points.numpy()
+        self.start = candidates.deformed().numpy()
+        self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]
+        self.placements = _each(self._placements, len(self.points))
+
+    def simple(self, row: int, placed: tuple[Placement, Placement], step: Literal["none", "scale"]) -> Explanation:
+        """The undeformed model, in one size or in one size per axis."""
+        placement = placed[0 if step == "none" else 1]
+        moved = placement(self.points[row]).astype(np.float32)
+        return self._explanation(row, step, lambda model: placement(model.points), moved, placed[0])
+
+    def smooth(self, step: Literal["free", "paper"], config: RefineConfig) -> list[Explanation]:
+        """All candidates as their keypoints deform them, refined or as the network puts them."""
+        moved = self.candidates if step == "paper" else self.candidates.refined(config)
+        results, found = moved.deformed().numpy(), []
+        for row, placed in enumerate(self.placements):
+            displacement = moved.displacement[row].numpy().astype(np.float64)
+            found.append(self._explanation(row, step, _keypoint_map(displacement), results[row], placed[0]))
+        stopped = torch.zeros(len(found), dtype=torch.bool) if moved.stopped is None else moved.stopped
+        return [replace(one, final=not bool(stop)) for one, stop in zip(found, stopped, strict=True)]
+
+    def structured(self, simplest: bool) -> list[Explanation]:
+        """All candidates by the structure-keeping fit, the best ones to the end; or by less where that is enough."""
+        count = len(self.points)
+        undeformed: list[list[Explanation]] = [[] for _ in range(count)]
+        if simplest:
+            undeformed = _each(
+                lambda row: [self.simple(row, self.placements[row], step) for step in ("none", "scale")], count
+            )
+        quick = _each(lambda row: self._structured(row, self.config.quick(), self._begin(row)), count)
+        best = [min([*undeformed[row], quick[row]], key=lambda one: one.score) for row in range(count)]
+        seen = float(np.mean([one.distances.seen for one in best]))
+        finalists = FINALISTS if seen > WHOLE else FINALISTS_UNSEEN
+        ahead = np.argsort([one.score for one in best], kind="stable")[:finalists]
+
+        def finish(place: int) -> Explanation:
+            row = int(ahead[place])
+            full = self._structured(row, self.config, self._begin(row))
+            return min([*undeformed[row], full], key=lambda one: one.score)
+
+        found = [replace(one, final=False) for one in best]
+        for row, one in zip(ahead, _each(finish, len(ahead)), strict=True):
+            found[int(row)] = one
+        return found
+
+    def _begin(self, row: int) -> np.ndarray:
+        """Where a model's points are first matched: the keypoints' place where parts are unseen, else its own shape."""
+        if self.visibility.grid is None or not self.candidates.partial:
+            begun: np.ndarray = self.placements[row][1](self.points[row]).astype(np.float32)
+            return begun
+        return self.start[row]
+
+    def _structured(self, row: int, config: StructureConfig, start: np.ndarray) -> Explanation:
+        model = self.models[row]
+        found = fit_structure(model, start, self.evidence, config)
+        moved = model.moved(found)
+        one = self._explanation(
+            row, "structure", lambda points: found(points.points, points.parts), moved, self.placements[row][0]
+        )
+        return replace(one, structure=found)
+
+    def _explanation(
+        self, row: int, step: Step, deformation: Deformation, moved: np.ndarray, placement: Placement
+    ) -> Explanation:
+        every = max(1, len(moved) // COMPARED_POINTS)
+        visible = self.visibility(moved + 0.12 * self.models[row].normals)
+        measured = distances(self.goal, self.spacing, moved, visible, every)
+        return Explanation(step, deformation, moved, measured, measured.log_error() + COSTS[step], placement)
+
+    def _placements(self, row: int) -> tuple[Placement, Placement]:
+        """The undeformed model in one size, and in one size per axis."""
+        every = max(1, len(self.points[row]) // PLACED_POINTS)
+        points = np.ascontiguousarray(self.points[row][::every])
+        begun = points if not self.candidates.partial else self.start[row][::every]
+        visible = self.visibility(begun + 0.12 * self.models[row].normals[::every])
+        one = fit_placement(points, Placement.identity(), self.few, visible, per_axis=False, free_yaw=False)
+        return one, fit_placement(points, one, self.few, visible, per_axis=True, free_yaw=False)
+
+
+def _keypoint_map(displacement: np.ndarray) -> Deformation:
+    return lambda model: model.points + model.basis @ displacement
+
+
+def _each(work: Callable[[int], Value], count: int) -> list[Value]:
+    """`work` of each row, on all threads."""
+    found: list[Value | None] = [None] * count
+
+    def some(first: int, last: int) -> None:
+        for row in range(first, last):
+            found[row] = work(row)
+
+    share_out(some, count, count * 1_000_000)
+    return found  # type: ignore[return-value]

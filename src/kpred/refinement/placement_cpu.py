@@ -1,0 +1,103 @@
+"""Placing an undeformed model compiled for the CPU: turned about the vertical, moved, sized as a whole or per axis."""
+
+from __future__ import annotations
+
+from typing import no_type_check
+
+import numba
+import numpy as np
+
+from kpred.refinement.structure_cpu import SEEN, match
+
+YAW_PRIOR = 1e-3
+"""Weight of the pull of the yaw toward 0, relative to the scan's."""
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def place_rounds(
+    points, start, visible, goal, per_axis, free_yaw, free_size, rounds, robust, minimum, placement, moved
+):
+    """Fills `placement` (yaw, size x, y, z, shift x, y, z) and `moved` (N, 3) with R_yaw (size * points) + shift.
+
+    Args:
+        points: (N, 3) of the source; start: (N, 3) where the first matches are taken.
+        visible: (N,) how surely each was seen; goal: (M, 3) of the scan.
+        per_axis: whether the three sizes differ; free_yaw, free_size: whether yaw and sizes are unknown at all.
+        robust: squared multiple of the median distance, 0 for equal weights; minimum: least squared scale.
+    """
+    count = points.shape[0]
+    wanted = np.empty((count, 4), np.float32)
+    seen = np.flatnonzero(visible >= SEEN)
+    if len(seen) < 8:
+        seen = np.arange(count)
+    moved[:] = start
+    normal, right = np.zeros((7, 7)), np.zeros(7)
+    columns = np.zeros((3, 7))
+    local = np.zeros(3)
+    for turn in range(rounds):
+        match(moved, goal, visible, seen, turn % 2, robust, minimum, wanted)
+        # Two steps of Gauss and Newton: the rotation is the only part that is not linear.
+        for _ in range(2):
+            normal[:] = 0.0
+            right[:] = 0.0
+            c, s = np.cos(placement[0]), np.sin(placement[0])
+            for i in range(count):
+                w = wanted[i, 3]
+                if w <= 0:
+                    continue
+                for axis in range(3):
+                    local[axis] = points[i, axis]
+                x, y, z = placement[1] * local[0], placement[2] * local[1], placement[3] * local[2]
+                px, pz = c * x + s * z, -s * x + c * z
+                columns[0, 0], columns[2, 0] = pz, -px
+                columns[0, 1], columns[2, 1] = c * local[0], -s * local[0]
+                columns[1, 2] = local[1]
+                columns[0, 3], columns[2, 3] = s * local[2], c * local[2]
+                columns[0, 4], columns[1, 5], columns[2, 6] = 1.0, 1.0, 1.0
+                place = (px + placement[4], y + placement[5], pz + placement[6])
+                for axis in range(3):
+                    off = wanted[i, axis] - w * place[axis]
+                    for j in range(7):
+                        right[j] += columns[axis, j] * off
+                        for k in range(j + 1):
+                            normal[j, k] += w * columns[axis, j] * columns[axis, k]
+            # The frame is likely right: a round table has no yaw of its own.
+            normal[0, 0] += YAW_PRIOR
+            right[0] -= YAW_PRIOR * placement[0]
+            _step(normal, right, placement, per_axis, free_yaw, free_size)
+        c, s = np.cos(placement[0]), np.sin(placement[0])
+        for i in range(count):
+            x, y, z = placement[1] * points[i, 0], placement[2] * points[i, 1], placement[3] * points[i, 2]
+            moved[i, 0] = c * x + s * z + placement[4]
+            moved[i, 1] = y + placement[5]
+            moved[i, 2] = -s * x + c * z + placement[6]
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _step(normal, right, placement, per_axis, free_yaw, free_size):
+    """Adds the solution of the normal equations to `placement`, with what is not free left as it is."""
+    full = normal + normal.T - np.diag(np.diag(normal))
+    if free_size and not per_axis:
+        # One factor for all three sizes.
+        ratio = np.zeros((7, 5))
+        ratio[0, 0] = 1.0
+        for axis in range(3):
+            ratio[1 + axis, 1] = placement[1 + axis]
+            ratio[4 + axis, 2 + axis] = 1.0
+        small, pull = ratio.T @ full @ ratio, ratio.T @ right
+        if not free_yaw:
+            small[0, 0] += 1e6
+        step = ratio @ np.linalg.solve(small + 1e-9 * np.eye(5), pull)
+    else:
+        if not free_yaw:
+            full[0, 0] += 1e6
+        if not free_size:
+            for axis in range(3):
+                full[1 + axis, 1 + axis] += 1e6
+        step = np.linalg.solve(full + 1e-9 * np.eye(7), right)
+    placement[0] += min(max(step[0], -0.1), 0.1)
+    for axis in range(3):
+        placement[1 + axis] *= min(max(1.0 + step[1 + axis] / placement[1 + axis], 0.7), 1.4)
+        placement[4 + axis] += step[4 + axis]

@@ -1,0 +1,84 @@
+"""How well a result explains a scan, and what it had to change: the simplest explanation wins.
+
+A result's squared distances hold three things: what the result gets wrong, the spacing of the samples that the distances
+are measured between, and the noise of the scan. The second is estimated from the clouds themselves and taken away; the
+third stays. The logarithm of what is left is compared, plus a cost for every step away from the model as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from kpred.ops.nearest_cpu import nearest_of_one
+from kpred.ops.typing import Float
+
+Step = Literal["none", "scale", "structure", "free", "paper"]
+
+COSTS: dict[Step, float] = {"none": 0.0, "scale": 0.1, "structure": 0.3, "free": 0.5, "paper": 0.0}
+"""Fall of the log error that each step must bring beyond the undeformed model's (docs/refinement.md)."""
+
+NOISE = 0.012
+"""Least standard deviation of scans, unit box: 0.6 % of the longest side; below, errors are equal."""
+
+FLOOR_DOUBT = 0.15
+"""Fraction of the samples' own spacing that its estimate may be wrong by."""
+
+MIN_SEEN = 0.2
+"""Fraction of a surface that must be seen for its distances to count in full."""
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Mean squared distances between a scan and a result, unit box.
+
+    Attributes:
+        forth: from the scan to the result; back: from the result's seen surface to the scan, weighted by visibility.
+        floor: what both would be for a perfect result, by the spacing of the samples.
+        seen: mean visibility of the result's surface.
+    """
+
+    forth: float
+    back: float
+    floor: float
+    seen: float
+
+    @property
+    def error(self) -> float:
+        """Both ways together: the Chamfer distance, of what is seen."""
+        return self.forth + self.back
+
+    def log_error(self) -> float:
+        """Logarithm of the error beyond the samples' spacing, with the noise of scans added."""
+        noise = NOISE**2 + FLOOR_DOUBT * self.floor
+        return float(np.log(max(self.error - self.floor, 0.0) + noise))
+
+
+def spacing(points: Float[np.ndarray, "points 3"]) -> float:
+    """Estimate the mean squared distance between two samples of the surface that points are a sample of."""
+    if len(points) < 4:
+        return 0.0
+    squared, _ = nearest_of_one(np.ascontiguousarray(points[::2]), np.ascontiguousarray(points[1::2]))
+    return float(squared.mean()) / 2
+
+
+def distances(
+    goal: Float[np.ndarray, "goal 3"],
+    goal_spacing: float,
+    result: Float[np.ndarray, "points 3"],
+    visible: Float[np.ndarray, " points"],
+    step: int = 1,
+) -> Distances:
+    """Measure the distances between a scan and a result, both float32, unit box.
+
+    Args:
+        goal_spacing: of the scan (`spacing`); visible: how surely each point of the result was seen.
+        step: every `step`-th point of each cloud is a query, searched among all points of the other.
+    """
+    forth, _ = nearest_of_one(np.ascontiguousarray(goal[::step]), result)
+    back, _ = nearest_of_one(np.ascontiguousarray(result[::step]), goal)
+    seen = float(visible.mean())
+    weighted = float((visible[::step] * back).mean()) / max(seen, MIN_SEEN)
+    return Distances(float(forth.mean()), weighted, spacing(result) + goal_spacing * min(1.0, seen / MIN_SEEN), seen)
