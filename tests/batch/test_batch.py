@@ -48,7 +48,7 @@ def place(tmp_path_factory):
 
 @pytest.fixture
 def settings(place):
-    return BatchSettings(str(place / "model"), str(place / "tables.kpred"), frame="known", refine=False, clean=False)
+    return BatchSettings(str(place / "model"), str(place / "tables.kpred"), frame="known", deform="paper", clean=False)
 
 
 def rows(out):
@@ -70,8 +70,10 @@ def contents(out):
 def whole(place, tmp_path_factory):
     """The result of a batch that nobody disturbed."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    chosen = BatchSettings(str(place / "model"), str(place / "tables.kpred"), frame="known", refine=False, clean=False)
-    report = fit_many(place / "scans", out, chosen, workers=1)
+    files = str(place / "model"), str(place / "tables.kpred")
+    report = fit_many(
+        place / "scans", out, BatchSettings(*files, frame="known", deform="paper", clean=False), workers=1
+    )
     return out, report
 
 
@@ -111,7 +113,7 @@ import sys
 from kpred.batch import BatchSettings, fit_many
 if __name__ == "__main__":
     place, out = sys.argv[1:]
-    settings = BatchSettings(place + "/model", place + "/tables.kpred", frame="known", refine=False, clean=False)
+    settings = BatchSettings(place + "/model", place + "/tables.kpred", frame="known", deform="paper", clean=False)
     fit_many(place + "/scans", out, settings, workers=1)
 """
 

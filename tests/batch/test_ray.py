@@ -36,7 +36,7 @@ def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path
         np.save(file, rng.uniform(-1, 1, (300, 3)) * (1, 0.5, 0.7))
         tasks.append(Task(file.name, str(file), "chair"))
     out = tmp_path / "out"
-    settings = BatchSettings(category="chair", frame="known", refine=False, clean=False)
+    settings = BatchSettings(category="chair", frame="known", deform="paper", clean=False)
     with Ledger(out, {}) as ledger:
         crew = RayCrew("local", 1, settings, str(out))
         killed = []

@@ -587,6 +587,6 @@ def test_the_files_of_a_fit_come_together_or_not_at_all(
         "mesh": "kpred.shapes.atomic.os.replace",
     }
     monkeypatch.setattr(place[broken], fail)
-    using = ["--model", files / "model", "--database", files / "tables.kpred", "--no-refine", "--json"]
+    using = ["--model", files / "model", "--database", files / "tables.kpred", "--deform", "paper", "--json"]
     sentence = refusal("fit", files / "scan.ply", "-o", out / "a.ply", *using)
     assert {"record": "a.json", "picture": "a.png", "mesh": "a.ply"}[broken] in sentence

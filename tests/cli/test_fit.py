@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -14,8 +14,9 @@ from kpred.cli.main import FAILED, OK, USAGE, main
 from kpred.errors import ScanError
 from kpred.fitting import fit_scan
 from kpred.fitting.clean_config import CleanConfig
-from kpred.fitting.refine_config import RefineConfig
+from kpred.fitting.refine_config import Deform, RefineConfig
 from kpred.fitting.result import Fit
+from kpred.refinement.structure_config import StructureConfig
 
 Run = Callable[..., Any]
 
@@ -59,13 +60,22 @@ def given(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
         (["--up", "y", "--floor", -2.5], "floor", -2.5),
         (["--no-clean"], "clean", False),
         (["--cleaning.wall", False, "--cleaning.points", 300], "clean", CleanConfig(wall=False, points=300)),
+        ([], "deform", "auto"),
+        *((["--deform", way], "deform", way) for way in get_args(Deform)),
+        ([], "model_id", None),
+        (["--model-id", "table_00003"], "model_id", "table_00003"),
         ([], "refinement", RefineConfig()),
         (
-            ["--refinement.box", "per_axis", "--refinement.reflection", 0, "--refinement.trim", 0.1],
+            ["--deform", "free", "--refinement.prior", 0.1, "--refinement.reflection", 0],
             "refinement",
-            RefineConfig(box="per_axis", reflection=0.0, trim=0.1),
+            RefineConfig(prior=0.1, reflection=0.0),
         ),
-        (["--no-refine"], "refine", False),
+        ([], "structure", StructureConfig()),
+        (
+            ["--deform", "structure", "--structure.contact", 0.5, "--structure.iterations", 3],
+            "structure",
+            StructureConfig(contact=0.5, iterations=3),
+        ),
         (["--category", "table"], "category", "table"),
         (["--partial", "yes"], "partial", True),
         (["--partial", "no"], "partial", False),
@@ -75,6 +85,28 @@ def test_options_reach_the_fit(
     words: list[object], option: str, value: object, line: list[object], given: Callable[..., dict[str, Any]]
 ) -> None:
     assert given(*line, *words)[option] == value
+
+
+@pytest.mark.parametrize("command", ["fit-many", "scene", "fit-depth"])
+def test_every_command_that_fits_takes_them(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up to the first file that is missing: the options themselves are understood."""
+    inputs = {"fit-depth": ["--intrinsics", "nothing.txt"]}.get(command, [])
+    line = [command, tmp_path / "nothing.ply", *inputs, "-o", tmp_path / "a.glb", "--deform", "none"]
+    assert main([*map(str, line), "--model-id", "table_00003"]) == FAILED
+    assert main([*map(str, line), "--deform", "lattice"]) == USAGE
+
+
+def test_a_named_model_is_placed_undeformed(line: list[object], run_json: Run) -> None:
+    found = run_json(*line, "--deform", "none", "--up", "y")
+    other = next(one["model_id"] for one in found["candidates"] if one["model_id"] != found["model_id"])
+    named = run_json(*line, "--deform", "none", "--up", "y", "--model-id", other)
+    assert [one["model_id"] for one in named["candidates"]] == [other]
+    assert named["step"] == "none"
+    assert named["cleanliness"]["squareness"] == pytest.approx(0, abs=1e-3)
+    matrix = np.array(named["model_to_scan"]["matrix"])[:3, :3]
+    np.testing.assert_allclose(matrix.T @ matrix, matrix[0] @ matrix[0] * np.eye(3), rtol=1e-6, atol=1e-6)
+    # The scan is in centimetres, the model in metres.
+    assert named["model_to_scan"]["resized"] and not named["model_to_scan"]["own_size"]
 
 
 def test_the_sensor_reaches_the_fit(line: list[object], given: Callable[..., dict[str, Any]]) -> None:
@@ -141,7 +173,9 @@ def test_confidence_and_doubts_are_shown(
     rows = [row.split() for row in printed.out.splitlines()]
     assert ["category", "confidence", "0.7", "probability"] in rows
     assert ["confidence", "0.125", "probability"] in rows
-    assert len([row for row in rows if row]) < 20
+    assert len([row for row in rows if row]) < 24
+    shown = [row[0] for row in rows if row]
+    assert {"model", "change", "own", "surface", "right", "flat"} <= set(shown)
     assert main([*map(str, line), "--json"]) == OK
     printed = capsys.readouterr()
     assert [row for row in printed.err.splitlines() if row.startswith("kpred: note: ")] == [
@@ -158,7 +192,9 @@ def test_confidence_and_doubts_are_shown(
         (["--frame", "known", "--pose", "identity"], "leave out --pose and --floor"),
         (["--frame", "known", "--floor", "0"], "leave out --pose and --floor"),
         (["--no-clean", "--cleaning.wall", "False"], "leave out --no-clean or the settings"),
-        (["--no-refine", "--refinement.trim", "0.1"], "leave out --no-refine or the settings"),
+        (["--refinement.prior", "0.1"], "those of --deform free"),
+        (["--deform", "scale", "--structure.contact", "0.5"], "those of --deform auto and structure"),
+        (["--deform", "lattice"], "lattice"),
         (["--floor", "nan"], "finite"),
         (["--sensor", "0", "inf", "0"], "finite"),
         (["--sensor", "1", "2"], "--sensor"),
@@ -217,10 +253,10 @@ def test_impossible_settings_of_cleaning_are_named(line: list[object], refusal: 
     [
         ("free-space", -1, "free_space must not be negative"),
         ("iterations", 0, "iterations must be at least 1"),
-        ("trim", 1, "trim must be a share"),
+        ("finalists", 0, "finalists must be at least 1"),
     ],
 )
 def test_impossible_settings_of_refinement_are_named(
     setting: str, value: float, said: str, line: list[object], refusal: Callable[..., str]
 ) -> None:
-    assert said in refusal(*line, f"--refinement.{setting}", value)
+    assert said in refusal(*line, "--deform", "free", f"--refinement.{setting}", value)

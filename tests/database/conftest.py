@@ -33,6 +33,7 @@ def random_structure(rng: np.random.Generator, vertices: int, faces: int, parts:
         contact_points=rng.uniform(-1, 1, size=(4, 3)),
         mirror=float(rng.choice([0.03, np.nan])),
         mirrored_parts=rng.integers(-1, parts, parts).astype(np.int32),
+        ends_only=rng.random((parts, 3)) < 0.5,
         affine_ranges=np.array([[0, 1, -0.5, 0.25], [parts - 1, 2, 0.1, 0.1]]),
     )
 

@@ -20,12 +20,11 @@ from kpred.evaluation.methods import (
     UndeformedMethod,
     evaluate_methods,
 )
-from kpred.evaluation.rows import Row
-from kpred.fitting import RefineConfig
+from kpred.evaluation.rows import UNIT, Row
 from kpred.nn import Model
 from kpred.shapes.pack import MeshPack
 
-OWN = ("undeformed_nearest", "no_learning", "feed_forward", "refined")
+OWN = ("undeformed_nearest", "no_learning", "feed_forward", "refined", "structure")
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,8 @@ def methods(model: Model) -> list[Method]:
         UndeformedMethod(),
         NoLearningMethod(),
         KpRedMethod("feed_forward", model),
-        KpRedMethod("refined", model, RefineConfig()),
+        KpRedMethod("refined", model, "free"),
+        KpRedMethod("structure", model, "auto"),
     ]
 
 
@@ -50,7 +50,7 @@ def test_own_methods_score_what_the_evaluation_says(
     chair = [packs["chair"]]
     wanted = evaluate(chair, model, top_k=(1, 4), protocol=protocol, occlusions=occlusions or (0.0,), limit=2)
     rows, _ = evaluate_methods(chair, methods, top_k=(1, 4), occlusions=occlusions, limit=2)
-    values = {_key(row): row for row in wanted if row.metric.removesuffix("_whole") in OWN}
+    values = {_key(row): row for row in wanted if row.metric.removesuffix("_whole") in OWN and row.unit == UNIT}
     values = {key: row for key, row in values.items() if not key[4].startswith("undeformed_nearest_whole")}
     rows = [row for row in rows if row.metric != "undeformed_nearest_whole"]
     assert {_key(row) for row in rows} == set(values)

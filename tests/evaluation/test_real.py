@@ -101,7 +101,7 @@ def test_distances_are_those_of_the_fit_alone(crops: Path, how: Fitting, outcome
     outcome = outcomes[1]
     points = read_scan(crops / "chair_00.ply")
     result = fit(points, how.model, how.database, top_k=2, up="y")
-    distances = Surface(result.mesh, 5).distances(points)
+    distances = Surface(result.mesh).distances(points)
     kept = clean_scan(points).object_points
     assert (outcome.file, outcome.points, outcome.kept) == ("chair_00.ply", 902, int(kept.sum()))
     assert outcome.kept <= 900
@@ -164,7 +164,7 @@ def test_the_annotated_model_stands_where_the_scan_is(layout: Path) -> None:
     model = annotation.models[0]
     placed = annotated_mesh(model, layout)
     scan = read_scan(scan_of(layout, SCENE))
-    assert Surface(placed, 0).distances(scan[:1500]).mean() < 0.005
+    assert Surface(placed).distances(scan[:1500]).mean() < 0.005
     np.testing.assert_allclose(annotated_centre(model, placed), PLACE, atol=1e-6)
     np.testing.assert_allclose(annotated_centre(replace(model, center=None), placed), PLACE, atol=1e-3)
 

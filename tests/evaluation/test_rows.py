@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from kpred.errors import OutputError
@@ -47,6 +48,22 @@ def test_ratios_are_taken_at_the_same_occlusion_top_k_and_distance() -> None:
     assert rows["refined", 1, 0.5].ratio_to_no_learning == pytest.approx(1.25)
     assert rows["refined", 10, 0.25].ratio_to_no_learning is None
     assert rows["refined_whole", 10, 0.5].ratio_to_undeformed == pytest.approx(0.2)
+
+
+def test_the_tail_is_the_95th_percentile_of_the_instances() -> None:
+    rows = _aggregate([_score("refined", value) for value in np.arange(101.0)])
+    assert rows["refined", 10, 0.0].percentile_95 == pytest.approx(95.0)
+    lost = _aggregate([_score("refined", 1.0), _score("refined", float("inf"))])
+    assert lost["refined", 10, 0.0].percentile_95 == float("inf")
+
+
+def test_a_measure_of_cleanliness_keeps_its_unit_and_has_no_ratio() -> None:
+    clean = Score("full", 0.0, "refined", "squareness", 10, 3.0, "degrees")
+    rows = aggregate(
+        [_score("undeformed_nearest", 0.01, None), clean], dataset="d", split="val", category="c", database_models=7
+    )
+    assert (rows[1].unit, rows[1].ratio_to_undeformed) == ("degrees", None)
+    assert rows[0].unit == "unit box squared"
 
 
 def test_a_base_of_zero_gives_no_ratio() -> None:

@@ -14,6 +14,7 @@ from kpred.evaluation.compare import compare
 from kpred.evaluation.frame_protocol import measure_fits
 from kpred.evaluation.methods import KpRedMethod
 from kpred.evaluation.peer_rows import add_methods
+from kpred.evaluation.rows import CD
 from kpred.evaluation.scan_outcomes import Fitting
 from kpred.evaluation.searched import content_hash, searched
 from kpred.evaluation.surfaces import Surface
@@ -23,6 +24,7 @@ from kpred.evaluation.target_lists import read_target_list
 from kpred.evaluation.targets import read_targets
 from kpred.fitting import RefineConfig, fit
 from kpred.nn import Model
+from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
 from kpred.training.run import new_network
@@ -43,8 +45,8 @@ def table(packs: dict[str, Path], model: Model, other: Model, tmp_path_factory: 
     return make_table(list(packs.values()), {"one": model, "two": other}, CONFIG, cache=cache)
 
 
-def _series(table: Table, model: str, method: str) -> Series:
-    return next(one for one in table.values if (one.model, one.method) == (model, method))
+def _series(table: Table, model: str, method: str, distance: str = CD) -> Series:
+    return next(one for one in table.values if (one.model, one.method, one.distance) == (model, method, distance))
 
 
 def test_means_are_those_of_the_rows_of_evaluate(table: Table, packs: dict[str, Path], model: Model) -> None:
@@ -52,9 +54,11 @@ def test_means_are_those_of_the_rows_of_evaluate(table: Table, packs: dict[str, 
     for row in rows:
         name = "" if row.metric in ("sampling_floor", "undeformed_nearest") or "no_learning" in row.metric else "one"
         dataset = "generated"
-        cell = table.cell(_series(table, name, row.metric), dataset, row.category)
+        cell = table.cell(_series(table, name, row.metric, row.distance), dataset, row.category)
         assert cell is not None
-        assert (cell.value, cell.n) == (pytest.approx(row.value, rel=1e-6), row.n)
+        assert (cell.value, cell.n) == (pytest.approx(row.value, rel=1e-6, abs=1e-9), row.n)
+        assert cell.percentile_95 == pytest.approx(row.percentile_95, rel=1e-6, abs=1e-9)
+        assert cell.series.unit == row.unit
         assert cell.low is not None and cell.high is not None
         assert cell.low <= cell.value <= cell.high
 
@@ -62,7 +66,7 @@ def test_means_are_those_of_the_rows_of_evaluate(table: Table, packs: dict[str, 
 def test_both_models_have_the_targets_of_the_baselines(table: Table) -> None:
     targets = set(table.subjects())
     assert len(targets) == 6
-    assert all(set(values) == targets for values in table.values.values())
+    assert all(set(values) == targets for one, values in table.values.items() if one.distance != "mirror")
     assert {one.model for one in table.values} == {"", "one", "two"}
     assert {one.method for one in table.values if one.model == "one"} == {
         one.method for one in table.values if one.model == "two"
@@ -113,11 +117,12 @@ def test_fits_are_measured_on_their_meshes_in_the_true_box(packs: dict[str, Path
     cloud = target.visible(0.5)
     with searched([packs["chair"]], model, None, 0, None, pytest.fail) as store:
         how = Fitting(model, store, 4, 0)
-        scores = measure_fits(target, "chair", how, RefineConfig(), "partial", 0.5, pytest.fail)
+        settings = RefineConfig(), StructureConfig()
+        scores = measure_fits(target, "chair", how, settings, "partial", 0.5, pytest.fail)
         found = fit(cloud.numpy(), model, store, "chair", 4, "known", partial=True, clean=False)
     values = {score.metric: score.value for score in scores}
     assert set(values) == {f"fit_{frame}_frame{ending}" for frame in ("known", "unknown") for ending in ("", "_whole")}
-    surface = Surface(found.mesh, 0)
+    surface = Surface(found.mesh)
     seen, whole = (float((surface.distances(points.numpy()) ** 2).mean()) for points in (cloud, target.points))
     # 2048 points stand for the surface, so that the distance is a little larger.
     assert seen < values["fit_known_frame"] < seen + 0.005
@@ -174,7 +179,7 @@ def test_targets_can_be_named_and_names_that_are_not_there_are_counted(
     assert told == ["1 of 3 named targets are in no pack's 'val': gone."]
     assert found.subjects() == chosen
     for series in found.values:
-        assert found.values[series] == pytest.approx({one: table.values[series][one] for one in chosen}, rel=1e-6)
+        assert found.values[series] == pytest.approx({one: table.values[series][one] for one in chosen}, rel=1e-6, abs=1e-9)
     (file, *_) = write_table(found, tmp_path / "table.json")
     assert read_target_list(file, "val") == {one.model_id for one in chosen}
     (tmp_path / "ids.txt").write_text(f"# two\n{chosen[0].model_id}\n\n{chosen[1].model_id}\n")

@@ -6,14 +6,22 @@ import math
 import numpy as np
 import pytest
 import torch
+import trimesh
 
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.cleaning import CleaningStep
 from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
+from kpred.fitting.deform import Explanation
 from kpred.fitting.hypotheses import Hypothesis
 from kpred.fitting.upright import yaw_rotation
-from kpred.fitting.warnings import warnings_of
+from kpred.fitting.warnings import floor_gap, warnings_of
 from kpred.ops.frames import Frame
+from kpred.refinement.placement import Placement
+from kpred.refinement.score import Distances, Step
+from kpred.refinement.structure_basis import structure_basis
+from kpred.refinement.structure_config import StructureConfig
+from kpred.refinement.structure_fit import StructureMap
+from kpred.shapes.structure.analyse import find_structure
 
 GOOD = Evidence(error=0.03, unexplained=0.0, seen=0.9, category=0.99, turn=0.99, odds=5.0, box=0.05)
 
@@ -55,7 +63,7 @@ def test_turns_that_change_nothing_are_no_doubt(square_and_bar: tuple[torch.Tens
     for cloud, quarter, half in zip(square_and_bar, (1.0, 0.5), (1.0, 1.0), strict=True):
         for degrees, expected in ((90.0, quarter), (180.0, half), (5.0, 1.0)):
             tried = [_reading(cloud, 0.0, 2.0), _reading(cloud, degrees, 2.0)]
-            assert evidence_of(tried[0], 0, tried, True).turn == pytest.approx(expected)
+            assert evidence_of(tried[0], cloud, cloud, tried, True).turn == pytest.approx(expected)
 
 
 def test_a_category_has_the_odds_of_its_best_reading(square_and_bar: tuple[torch.Tensor, torch.Tensor]) -> None:
@@ -67,6 +75,15 @@ def test_a_category_has_the_odds_of_its_best_reading(square_and_bar: tuple[torch
     assert found["chair"] == category_probabilities([tried[0], tried[2]])["chair"]
 
 
+def test_what_a_model_was_changed_by_is_measured(square_and_bar: tuple[torch.Tensor, torch.Tensor]) -> None:
+    cloud = square_and_bar[0]
+    tried = [_reading(cloud, 0.0, 2.0)]
+    moved = cloud + torch.tensor([0.3, 0.0, 0.4])
+    assert evidence_of(tried[0], cloud, cloud, tried, True).change == 0
+    assert evidence_of(tried[0], moved, cloud, tried, True).change == pytest.approx(0.5, abs=1e-6)
+    assert evidence_of(tried[0], cloud, moved, tried, True).error == 0
+
+
 def test_people_are_told_what_to_look_at() -> None:
     fine = warnings_of(GOOD, 0.97, "chair", {"chair": 0.99, "table": 0.01}, (), 2000)
     assert fine == ()
@@ -76,3 +93,56 @@ def test_people_are_told_what_to_look_at() -> None:
     assert len(found) == 5
     for words in ("no chair or table", "a table as well", "another way", "30 %", "75 %"):
         assert any(words in sentence for sentence in found), words
+
+
+def _explanation(step: Step, growth: float | None = None) -> Explanation:
+    """An explanation by this step; with a growth, of one cuboid that grows by it along x."""
+    points = np.zeros((4, 3), np.float32)
+    structure = None if growth is None else _grown(growth)
+    distances = Distances(0.0, 0.0, 0.0, 1.0)
+    return Explanation(step, lambda model: model.points, points, distances, 0.0, Placement.identity(), structure)
+
+
+def _grown(growth: float) -> StructureMap:
+    box = trimesh.creation.box((1.0, 2.0, 1.0))
+    vertices, faces = np.asarray(box.vertices), np.asarray(box.faces)
+    structure = find_structure(vertices, faces, vertices[faces].mean(axis=1), np.arange(len(faces)))
+    basis = structure_basis(structure, StructureConfig())
+    solution = np.zeros((3, basis.unknowns))
+    # A part's own growth is its second unknown.
+    solution[0, basis.controls + 1] = (growth - 1.0) * basis.half[0, 0]
+    found = StructureMap(basis, solution)
+    np.testing.assert_allclose(found.growth(), [[growth, 1.0, 1.0]])
+    return found
+
+
+@pytest.mark.parametrize(
+    ("step", "growth", "words"),
+    [
+        ("none", None, None),
+        ("scale", None, None),
+        ("structure", 1.0, None),
+        ("structure", 2.4, None),
+        ("structure", 0.45, None),
+        ("structure", 2.6, "grew to 2.6 times"),
+        ("structure", 0.35, "shrank to 0.35 times"),
+        ("free", None, "bent"),
+        ("paper", None, "bent"),
+    ],
+)
+def test_people_are_told_what_was_done_to_the_model(step: Step, growth: float | None, words: str | None) -> None:
+    found = warnings_of(GOOD, 0.97, "chair", {"chair": 1.0}, (), 2000, _explanation(step, growth))
+    assert len(found) == (words is not None)
+    assert words is None or words in found[0]
+
+
+@pytest.mark.parametrize(
+    ("floor", "words"), [(0.01, None), (-0.03, None), (-0.2, "10 % of its size above"), (None, None)]
+)
+def test_people_are_told_of_feet_off_the_floor(floor: float | None, words: str | None) -> None:
+    table = np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])
+    found = warnings_of(GOOD, 0.97, "table", {"table": 1.0}, (), 2000, floor_gap=floor_gap(table, floor))
+    assert len(found) == (words is not None)
+    assert words is None or words in found[0]
+    if floor is not None:
+        assert floor_gap(table * 100, floor * 100) == pytest.approx(floor_gap(table, floor))

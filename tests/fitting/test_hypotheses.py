@@ -1,43 +1,59 @@
-"""Readings of a scan: what was read once with all points need not be read again."""
+"""Hypotheses of a scan: the best one is read with all points, however many others it was compared with."""
+
+import math
 
 import numpy as np
 import pytest
 import torch
 
-from kpred.database import Database
-from kpred.fitting import hypotheses as module
-from kpred.fitting.fit_scan import worth_trying
+from kpred.errors import ConfigError
 from kpred.fitting.hypotheses import Search, hypotheses
-from kpred.fitting.placement import placements
+from kpred.fitting.placement import check_known_frame, placements
+from kpred.fitting.recognise import Reading
 from kpred.fitting.resources import as_database, as_model
-from kpred.nn import Model
+from kpred.fitting.stages import MAX_READINGS, ODDS_RANGE, worth_trying
 from kpred.ops import sample_surface
 from kpred.shapes.synthetic.generator import generate
 
 
 @pytest.fixture(scope="module")
 def search() -> Search:
-    model: Model = as_model(None)
-    database: Database = as_database(None)
-    return Search(model, database, top_k=3, frame_known=False)
+    return Search(as_model(None), as_database(None), top_k=3, frame_known=False)
+
+
+@pytest.fixture(scope="module")
+def points() -> np.ndarray:
+    mesh = generate("chair", 1, seed=5)[0]
+    vertices, faces = torch.from_numpy(mesh.vertices).float(), torch.from_numpy(mesh.faces).long()
+    return sample_surface(vertices, faces, 2048, torch.Generator().manual_seed(0))[0].double().numpy()
 
 
 @pytest.mark.parametrize("partial", [False, True])
-def test_the_best_reading_is_not_read_twice(search: Search, partial: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    mesh = generate("chair", 1, seed=5)[0]
-    vertices, faces = torch.from_numpy(mesh.vertices).float(), torch.from_numpy(mesh.faces).long()
-    points = sample_surface(vertices, faces, 2048, torch.Generator().manual_seed(0))[0].double().numpy()
-    readings = worth_trying(placements(points, "y", None, search.model.recognizer, search.model.categories), False)[:3]
-    seen = []
-    observe = module.observe
-    monkeypatch.setattr(module, "observe", lambda clouds, *rest: seen.append(clouds.shape[1]) or observe(clouds, *rest))
-    first = hypotheses(points, readings[:1], search, partial=False)
-    again = hypotheses(points, readings, search, partial)
-    before = len(seen)
-    cheaper = hypotheses(points, readings, search, partial, before=first)
-    assert again[0].category == cheaper[0].category == "chair"
-    np.testing.assert_array_equal(again[0].frame.matrix(), cheaper[0].frame.matrix())
-    assert again[0].candidates.model_ids == cheaper[0].candidates.model_ids
-    torch.testing.assert_close(again[0].candidates.displacement, cheaper[0].candidates.displacement, rtol=0, atol=1e-5)
-    # A full reading says nothing of a partial one.
-    assert (2048 in seen[before:]) == (partial or not first[0].is_read_as(again[0]))
+def test_the_best_of_several_readings_is_read_as_if_it_were_alone(
+    search: Search, points: np.ndarray, partial: bool
+) -> None:
+    readings = placements(points, "y", None, search.model.recognizer, search.model.categories)[:3]
+    found = hypotheses(points, readings, search, partial)
+    assert found[0].category == "chair"
+    assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
+    matching = [one for one in readings if np.allclose(one.rotation, found[0].frame.rotation)]
+    (chosen,) = [one for one in matching if one.category == found[0].category]
+    (alone,) = hypotheses(points, [chosen], search, partial)
+    assert alone.candidates.model_ids == found[0].candidates.model_ids
+    np.testing.assert_array_equal(alone.frame.matrix(), found[0].frame.matrix())
+    torch.testing.assert_close(alone.candidates.displacement, found[0].candidates.displacement, rtol=0, atol=1e-5)
+
+
+def test_readings_that_are_far_less_likely_than_the_best_are_not_tried() -> None:
+    odds = [3.0, 2.0, 3.0 - ODDS_RANGE + 0.1, 3.0 - ODDS_RANGE - 0.1, -9.0]
+    readings = [Reading(np.eye(3), "chair", value) for value in odds]
+    assert [one.log_odds for one in worth_trying(readings, are_scored=True)] == odds[:3]
+    assert worth_trying(readings, are_scored=False) == readings
+    alike = [Reading(np.eye(3), "chair", -0.01 * row) for row in range(20)]
+    assert worth_trying(alike, are_scored=True) == alike[:MAX_READINGS]
+
+
+def test_a_known_frame_holds_the_scan() -> None:
+    check_known_frame(np.array([[1.0, -1.0, 0.0], [math.nextafter(1.5, 0), 0.0, 0.0]]))
+    with pytest.raises(ConfigError, match="known"):
+        check_known_frame(np.array([[1.6, 0.0, 0.0]]))

@@ -5,7 +5,7 @@ import torch
 
 from kpred.fitting import RefineConfig
 from kpred.fitting.free_space import depth_pictures
-from kpred.fitting.refine import Hints, Refined, refine_candidates
+from kpred.fitting.refine import Hints, refine_candidates
 from kpred.fitting.reflection import Reflection, asymmetry, reflect
 from kpred.ops import affine_influence, enclosing_cage, icosphere, mean_value_coordinates, squared_distances
 
@@ -60,7 +60,7 @@ def test_the_unseen_half_follows_the_seen_one(generator: torch.Generator) -> Non
     whole = points * torch.tensor([1.25, 1.0, 1.0])
     scan = whole[0][whole[0, :, 0] > 0]
     mirror_image = Reflection(scan * MIRROR, torch.ones(len(scan)))
-    start, errors = Refined.in_fixed_box(torch.zeros(1, 12, 3)), []
+    start, errors = torch.zeros(1, 12, 3), []
     for hints in (Hints(), Hints(reflection=mirror_image)):
         found = refine_candidates(
             points, basis, start, scan, torch.ones(12), RefineConfig(reflection=2.0), partial=True, hints=hints
@@ -72,7 +72,7 @@ def test_the_unseen_half_follows_the_seen_one(generator: torch.Generator) -> Non
 def test_full_scans_and_a_weight_of_zero_know_no_reflection(generator: torch.Generator) -> None:
     points = torch.rand(1, 200, 3, generator=generator)
     basis = torch.rand(1, 200, 12, generator=generator)
-    start, target = Refined.in_fixed_box(torch.zeros(1, 12, 3)), points[0] + 0.05
+    start, target = torch.zeros(1, 12, 3), points[0] + 0.05
     hints = Hints(reflection=Reflection(target * MIRROR, torch.ones(200)))
     for partial, weight in ((False, 1.0), (True, 0.0)):
         config = RefineConfig(reflection=weight)

@@ -15,8 +15,11 @@ from kpred.nn import (
     save_network,
     save_visibility,
 )
+from kpred.nn.loading import bundled_model_path
 from kpred.nn.visibility import QUERY_RANGE, SCAN_POINTS, robust_box
+from kpred.ops.sampling import sample_surface
 from kpred.ops.trilinear import interpolate_grid
+from kpred.shapes.synthetic.generator import generate
 
 CONFIG = VisibilityConfig(width=16, blocks=1)
 LOW, HIGH = torch.tensor([-1.0, -2.0, 0.0]), torch.tensor([1.0, 0.5, 3.0])
@@ -124,3 +127,17 @@ def test_a_damaged_folder_is_named(network: VisibilityNetwork, tmp_path: Path) -
     weights.write_bytes(weights.read_bytes()[:200])
     with pytest.raises(ModelError, match=r"model\.safetensors"):
         load_visibility(tmp_path)
+
+
+def test_bundled_weights_know_a_whole_table_from_half_of_one() -> None:
+    network = load_model().visibility
+    assert network is not None
+    assert sum(file.stat().st_size for file in (bundled_model_path() / "visibility").iterdir()) < 1_000_000
+    mesh = generate("table", 1, seed=77, splits=False)[0]
+    corners, faces = torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.faces).long()
+    surface = sample_surface(corners, faces, 4096, torch.Generator().manual_seed(0))[0]
+    places, whole = surface[None, :500], surface[None, 500:1012]
+    assert torch.sigmoid(network(whole, places)).mean() > 0.9
+    kept = surface[:, 0] < surface[:, 0].median()
+    seen = torch.sigmoid(network(surface[kept][None, -512:], places))[0]
+    assert seen[kept[:500]].mean() - seen[~kept[:500]].mean() > 0.5

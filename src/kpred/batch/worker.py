@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from kpred.batch.task import Task
+from kpred.fitting.refine_config import Deform
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +33,8 @@ class BatchSettings:
     top_k: int = 10
     frame: Literal["auto", "known"] = "auto"
     up: str = "auto"
-    refine: bool = True
+    deform: Deform = "auto"
+    model_id: str | None = None
     clean: bool = True
     mesh: str = ".ply"
 
@@ -110,7 +112,8 @@ def fit_task(
             top_k=settings.top_k,
             frame=settings.frame,
             up=settings.up,
-            refine=settings.refine,
+            deform=settings.deform,
+            model_id=settings.model_id,
             clean=settings.clean,
         )
         place = Path(out, f"{task.stem}.json")
@@ -120,8 +123,9 @@ def fit_task(
             "name": task.name,
             "model_id": found.source.model_id,
             "category": found.category,
+            "step": found.source.step,
             "confidence": found.confidence,
-            "error": found.source.final_error,
+            "error": found.source.error,
             "warnings": len(found.warnings),
             "mesh": mesh,
         }
@@ -150,11 +154,10 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
     import torch
 
     from kpred.errors import KpredError
-    from kpred.fitting.fit_scan import MOST_POINTS, SCAN_POINTS, subsample
     from kpred.fitting.observation import EncodedAhead
     from kpred.fitting.resources import as_model
-    from kpred.nn import Model
-    from kpred.shapes.scan import check_points, read_scan
+    from kpred.fitting.stages import SCAN_POINTS, read_points
+    from kpred.shapes.scan import read_scan
 
     groups: dict[tuple[str, int], dict[str, tuple[np.ndarray, np.ndarray]]] = {}
     for task in tasks:
@@ -162,8 +165,8 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
         if category is None or task.path is None or task.problem:
             continue
         with suppress(KpredError, OSError):
-            scan = check_points(read_scan(task.path), task.path)
-            points = subsample(scan, MOST_POINTS, seed=0)[:SCAN_POINTS]  # those that the fit will take
+            scan = read_scan(task.path)
+            points = read_points(scan, seed=0)[:SCAN_POINTS]  # those that the fit will take
             groups.setdefault((category, len(points)), {})[task.name] = scan, points
     model = as_model(_model(settings, device))
     found: dict[str, ReadAhead] = {}
@@ -173,7 +176,7 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
         seen = model
         if len(group) > 1:
             clouds = torch.from_numpy(np.stack([points for _, points in group.values()])).float()
-            seen = Model(model.name, {category: EncodedAhead(model[category], clouds)}, model.recognizer)
+            seen = replace(model, networks={category: EncodedAhead(model[category], clouds)})
         found |= {name: ReadAhead(scan, seen) for name, (scan, _) in group.items()}
     return found
 
@@ -196,7 +199,8 @@ def _placed(name: str | None, device: str) -> Model:
 
     model = load_model(name).to(device)
     parts: list[nn.Module] = [part for network in model.values() for part in network.children()]
-    for part in [*parts, *([model.recognizer] if model.recognizer is not None else [])]:
+    parts += [part for part in (model.recognizer, model.visibility) if part is not None]
+    for part in parts:
         part.register_forward_pre_hook(lambda _, inputs: moved(inputs, device))
         part.register_forward_hook(lambda _, __, output: moved(output, "cpu"))
     return model

@@ -22,12 +22,14 @@ from kpred.shapes.synthetic.generator import generate
 POINTS = 2048
 
 CASES: dict[str, tuple[float, dict[str, Any]]] = {
-    "fit, feed-forward": (15.0, {"refine": False, "frame": "known"}),
-    "fit, feed-forward, told that all is seen": (15.0, {"refine": False, "frame": "known", "partial": False}),
-    "fit, refined": (25.0, {"refine": True, "frame": "known"}),
-    "fit, refined, told that all is seen": (25.0, {"refine": True, "frame": "known", "partial": False}),
-    "fit, everything unknown, refined": (120.0, {"refine": True, "category": None}),
+    "fit, the paper's protocol": (15.0, {"deform": "paper", "frame": "known"}),
+    "fit, the paper's protocol, all is seen": (15.0, {"deform": "paper", "frame": "known", "partial": False}),
+    "fit, structure kept": (25.0, {"frame": "known"}),
+    "fit, structure kept, all is seen": (25.0, {"frame": "known", "partial": False}),
+    "fit, keypoints refined": (25.0, {"deform": "free", "frame": "known"}),
+    "fit, everything unknown": (120.0, {"category": None}),
 }
+"""Case -> the most milliseconds that it may take, and options of `fit`."""
 
 
 def models_database(path: Path, model: Model, models: int, tell: Callable[[int, int], None]) -> Path:

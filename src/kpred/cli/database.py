@@ -247,7 +247,7 @@ class SearchCommand(Command):
         scan = read_scan(self.scan)
         with Database.open(self.file, read_only=True) as database:
             model = load_model(self.model)
-            result = fit(scan, model, database, category=self.category, top_k=self.top_k, refine=False)
+            result = fit(scan, model, database, category=self.category, top_k=self.top_k, deform="none")
         rows = [
             {"model_id": found.model_id, "category": found.category, "token_distance": found.distance}
             for found in sorted(result.candidates, key=lambda found: found.distance)

@@ -13,6 +13,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
+from kpred.fitting.refine_config import Deform
 
 if TYPE_CHECKING:
     from kpred.shapes.depth import MergedScan
@@ -29,6 +30,7 @@ class FitDepthCommand(Command):
     examples:
       kpred fit-depth frame.png --intrinsics camera.txt --mask chair.png -o chair.obj
       kpred fit-depth 0.png 9.png --intrinsics camera.txt --pose 0.txt 9.txt --up z -o c.glb
+      kpred fit-depth frame.png --intrinsics camera.txt --mask chair.png --deform none -o chair.obj
       kpred fit-depth frame.png --intrinsics camera.json --mask ids.png --mask-id 7 --rgb frame.jpg -o table.ply
     """
 
@@ -66,8 +68,10 @@ class FitDepthCommand(Command):
     """How many retrieved models to deform and compare"""
     partial: Literal["auto", "yes", "no"] = "auto"
     """Whether parts of the object are missing; auto: yes with one picture, found out with several"""
-    refine: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Leave out the refinement of keypoints"""
+    deform: Deform = "auto"
+    """How far a model may be changed (`kpred fit --help`); auto takes the least that explains the scan"""
+    model_id: Annotated[str | None, arg(metavar="ID")] = None
+    """Fit this model of the database, and no other"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture of scan and result"""
 
@@ -103,7 +107,8 @@ class FitDepthCommand(Command):
             database=Database.open(self.database) if self.database is not None else None,
             category=self.category,
             top_k=self.top_k,
-            refine=self.refine,
+            deform=self.deform,
+            model_id=self.model_id,
             up=self.up or ("y" if self.pose else "-y"),
             partial=partial,
             # Without poses the world is the camera's own frame, and this is its origin.

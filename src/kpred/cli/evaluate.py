@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command, Group
+from kpred.cli.evaluate_catalogue import CatalogueCommand
+from kpred.cli.evaluate_cleanliness import COLUMNS, print_cleanliness
 from kpred.cli.evaluate_compare import CompareCommand
 from kpred.cli.evaluate_peers import PeersCommand
 from kpred.cli.evaluate_real import RealCommand
@@ -22,7 +24,8 @@ from kpred.cli.usage import UsageError
 class ShapesCommand(Command):
     """Measure a model on the whole shapes of mesh packs: best of the top k, mean over the shapes of a split.
 
-    The same run measures the true nearest undeformed shapes and a baseline without learning. Without --database, the
+    The same run measures the true nearest undeformed shapes and a baseline without learning, and how clean the deformed
+    meshes are. Without --database, the
     split `source` of each pack is what is retrieved and deformed. With --json or -o: a header (weights, database, seed,
     versions), and one row a number, with dataset, split, category, protocol, top_k, metric, distance, unit, value, n.
 
@@ -59,6 +62,7 @@ class ShapesCommand(Command):
         """Measure with a progress bar, print and write the rows."""
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation import evaluate, run_header, write_rows
+        from kpred.evaluation.rows import UNIT
         from kpred.nn import load_model
         from kpred.shapes.atomic import check_place
 
@@ -98,7 +102,8 @@ class ShapesCommand(Command):
             write_rows(self.output, header, rows)
         output.result({"header": header, "rows": [row.to_json() for row in rows]})
         for dataset, category in dict.fromkeys((row.dataset, row.category) for row in rows):
-            shown = [row for row in rows if (row.dataset, row.category) == (dataset, category)]
+            mine = [row for row in rows if (row.dataset, row.category) == (dataset, category)]
+            shown = [row for row in mine if row.unit == UNIT]
             first = shown[0]
             output.table(
                 f"{dataset} / {category}: {first.n} shapes of {first.split} against {first.database_models} models; "
@@ -117,6 +122,13 @@ class ShapesCommand(Command):
                     for row in shown
                 ],
             )
+            clean: dict[tuple[str, ...], dict[str, tuple[float, float]]] = {}
+            for row in mine:
+                if row.distance in COLUMNS:
+                    protocol = row.protocol if row.protocol == "full" else f"{row.protocol} {row.occlusion:g}"
+                    found = clean.setdefault((protocol, row.metric.replace("_", " ")), {})
+                    found[row.distance] = row.value, row.percentile_95
+            print_cleanliness(output, f"{dataset} / {category}", ("protocol", "metric"), list(clean.items()))
         output.note("note: means over the shapes; the numbers of published tables are most likely 10^2 times these")
         for sentence in left_out[:10]:
             output.note(f"note: {sentence}")
@@ -137,6 +149,7 @@ COMMAND = Group(
     {
         "shapes": ShapesCommand,
         "scans": ScansCommand,
+        "catalogue": CatalogueCommand,
         "real": RealCommand,
         "table": TABLES,
         "compare": CompareCommand,

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
+from kpred.cli.evaluate_cleanliness import print_cleanliness_of
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, label, print_pivot, shown
+from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, errors_of, label, print_pivot, shown
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ class AblationCommand(PackTableCommand):
         """The paper's table, its figure, and what each part does."""
         for dataset in table.datasets():
             _print_full(output, table, dataset, self.top_k)
-            partial = [one for one in table.series(dataset) if one.protocol == "partial"]
+            partial = [one for one in errors_of(table, dataset) if one.protocol == "partial"]
             for category in table.categories(dataset) if partial else ():
                 print_pivot(
                     output,
@@ -148,6 +149,7 @@ class AblationCommand(PackTableCommand):
                     lambda one: f"{one.occlusion:.0%} hidden",
                     category,
                 )
+            print_cleanliness_of(output, table, dataset, table.categories(dataset)[-1:])
         _print_effects(output, table)
         output.note(NOTE)
 
@@ -175,7 +177,7 @@ class AblationCommand(PackTableCommand):
 def _print_full(output: Output, table: Table, dataset: str, top_k: int) -> None:
     from kpred.training.ablations import ROWS
 
-    series = [one for one in table.series(dataset) if one.protocol == "full"]
+    series = [one for one in errors_of(table, dataset) if one.protocol == "full"]
     if not series:
         return
     categories = table.categories(dataset)

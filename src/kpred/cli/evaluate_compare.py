@@ -18,7 +18,8 @@ class CompareCommand(Command):
     """Compare two tables by paired tests: the ratio of the means with its interval, and Wilcoxon's signed-rank test.
 
     The tables must be of one protocol, data, seed and set of targets, and differ in the model alone. To compare two
-    models of one table, name the file twice. p values are not corrected for the number of rows.
+    models of one table, name the file twice. p values are not corrected for the number of rows. Errors are printed;
+    --json and -o compare cleanliness as well.
 
     examples:
       kpred evaluate compare before.json after.json
@@ -83,7 +84,7 @@ class CompareCommand(Command):
                         one.p_value,
                     )
                     for one in found
-                    if one.dataset == dataset
+                    if one.dataset == dataset and one.series.is_error
                 ],
             )
         if self.output is not None:

@@ -143,13 +143,16 @@ def _methods(name: str, place: str, refined_peers: bool) -> tuple[list[Method], 
     from kpred.evaluation.header import made_by
     from kpred.evaluation.methods import KpRedMethod
     from kpred.evaluation.methods.peers import peer_method, refined
-    from kpred.fitting import RefineConfig
     from kpred.nn.loading import load_model
     from kpred.nn.peers.loading import holds_peers
 
     if place in OWN or not holds_peers(place):
         model = load_model(place)
-        own: list[Method] = [KpRedMethod(name, model), KpRedMethod(f"{name}_refined", model, RefineConfig())]
+        own: list[Method] = [
+            KpRedMethod(name, model),
+            KpRedMethod(f"{name}_refined", model, "free"),
+            KpRedMethod(f"{name}_structure", model, "auto"),
+        ]
         return own, made_by(model)
     method, record = peer_method(name, place)
     return [method, *(refined(method) if refined_peers else [])], record

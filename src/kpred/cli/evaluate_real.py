@@ -22,20 +22,22 @@ if TYPE_CHECKING:
 class RealCommand(Command):
     """Measure fits of real scans: crops of single objects, and the objects of Scan2CAD scenes.
 
-    Crops are fitted with nothing given but gravity: how near do their points lie to the result, and is it of the right
-    category? Objects of a scene are fitted as `kpred scene` fits them and compared with the annotated CAD model in its
-    annotated pose; it passes if it is at most 1.2 times as far from the object's points, and its centre within 10 cm.
+    Crops are fitted with nothing given but the up axis (--up auto: nothing at all): how near do their points lie to the
+    result's surface, is it of the right category, and is it clean? Objects of a scene are fitted as `kpred scene` fits
+    them and compared with the annotated CAD model in its annotated pose; an object passes if it is at most 1.2 times as
+    far from the object's points, and its centre within 10 cm.
 
     examples:
       kpred evaluate real --crops crops/ --picture crops.png
+      kpred evaluate real --crops crops/ --up auto
       kpred evaluate real --scene Scan2CAD/ -o rows.json --json
       kpred evaluate real --scene Scan2CAD/ --annotations full_annotations.json --database mine.kpred
     """
 
     crops: Annotated[Path | None, arg(metavar="FOLDER")] = None
     """<category>_<nn>.ply in metres, y up; an index.json beside them may say file, category and up of each"""
-    up: Annotated[Literal["x", "y", "z", "-x", "-y", "-z"] | None, arg(metavar="AXIS")] = None
-    """Up axis of all crops, whatever their index says"""
+    up: Annotated[Literal["x", "y", "z", "-x", "-y", "-z", "auto"] | None, arg(metavar="AXIS")] = None
+    """Up axis of all crops, whatever their index says; auto: the fit must find it"""
     scene: Annotated[Path | None, arg(metavar="FOLDER")] = None
     """Laid out as Scan2CAD's repository: full_annotations.json, Assets/scannet-sample, Assets/shapenet-sample"""
     annotations: Annotated[Path | None, arg(metavar="FILE")] = None
@@ -81,8 +83,9 @@ class RealCommand(Command):
         rows = []
         with ProgressBar() as bar:
             if self.crops is not None:
-                found = read_crops(self.crops, self.up)
-                crops = evaluate_crops(found, how, progress=bar.update, report=remarks.append)
+                finds_up = self.up == "auto"
+                found = read_crops(self.crops, None if finds_up else self.up)
+                crops = evaluate_crops(found, how, find_up=finds_up, progress=bar.update, report=remarks.append)
                 rows += summarise_crops(crops, self.crops.resolve().name, self.seed)
             if self.scene is not None:
                 objects = evaluate_scenes(self.scene, how, self.annotations, progress=bar.update, report=remarks.append)
@@ -93,6 +96,7 @@ class RealCommand(Command):
                 "database": str(database.path),
                 "top_k": self.top_k,
                 "seed": self.seed,
+                "up": "found by the fit" if self.up == "auto" else "given",
                 "remarks": remarks,
                 "versions": versions(),
             },
@@ -120,15 +124,19 @@ class RealCommand(Command):
 
 def _print_crops(output: Output, crops: Sequence[CropOutcome]) -> None:
     output.table(
-        "crops, nothing given but gravity; mean distance of points to the result, cm, scan's frame",
-        ["crop", "found", "model", "kept points", "all points", "confidence", "warnings", "ms", ""],
+        f"crops, {_given(crops)}; mean distance of points to the result's surface, cm, scan's frame; tilt of facets "
+        "along the axes, degrees; flatness, % of the longest side",
+        ["crop", "found", "model", "step", "kept", "all", "tilt °", "flat %", "confidence", "warnings", "ms", ""],
         [
             (
                 crop.file,
                 crop.found,
                 crop.model,
+                crop.step,
                 _centimetres(crop.distance_kept),
                 _centimetres(crop.distance_all),
+                None if crop.cleanliness is None else round(crop.cleanliness.axis_tilt, 4),
+                None if crop.cleanliness is None else round(100 * crop.cleanliness.flatness, 4),
                 crop.confidence,
                 crop.warnings,
                 None if crop.milliseconds is None else round(crop.milliseconds),
@@ -143,9 +151,20 @@ def _print_crops(output: Output, crops: Sequence[CropOutcome]) -> None:
         f"{sum(crop.all_near for crop in crops)} of {n}); {sum(crop.category_right for crop in crops)} of {n} of the "
         "right category"
     )
+    if any(crop.up_right is not None for crop in crops):
+        output.note(f"{sum(crop.up_right is True for crop in crops)} of {n} with the right up axis")
+    clean = [crop.cleanliness for crop in crops if crop.cleanliness is not None]
+    if clean:
+        tilt, flat = (sum(getattr(one, name) for one in clean) / len(clean) for name in ("axis_tilt", "flatness"))
+        output.note(f"mean over {len(clean)} results: facets tilt by {tilt:.2g} degrees, flat to {100 * flat:.2g} %")
     for crop in crops:
         if crop.failure is not None:
             output.note(f"failed: {crop.file}: {crop.failure}")
+
+
+def _given(crops: Sequence[CropOutcome]) -> str:
+    finds_up = any(crop.up_right is not None for crop in crops)
+    return "nothing given" if finds_up else "nothing given but the up axis"
 
 
 def _print_objects(output: Output, objects: Sequence[SceneOutcome]) -> None:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
+from kpred.cli.evaluate_cleanliness import print_cleanliness_of
 from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, ModelOptions, TableCommand, label, shown
+from kpred.cli.table_options import NOTE, SHORT, ModelOptions, TableCommand, errors_of, label, shown
 
 if TYPE_CHECKING:
     from kpred.evaluation.table_data import Table
@@ -68,7 +69,8 @@ class Scan2CadCommand(TableCommand, ModelOptions):
                         label(one),
                         *(shown(table.cell(one, dataset, name)) for name in categories),
                     ]
-                    for one in sorted(table.series(dataset), key=lambda one: one.distance)
+                    for one in sorted(errors_of(table, dataset), key=lambda one: one.distance)
                 ],
             )
+            print_cleanliness_of(output, table, dataset, categories[-1:])
         output.note(NOTE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,12 +10,12 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.cli.summary_table import SummaryTable
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
     from kpred.evaluation.reliability import Reliability
     from kpred.evaluation.scans import ScansReport
-    from kpred.evaluation.summary import Summary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +96,7 @@ class ScansCommand(Command):
 
 
 def _print(output: Output, report: ScansReport) -> None:
-    table = _Table(report.summaries)
+    table = SummaryTable(report.summaries)
     output.table(
         "nothing given but gravity (unknown), against frame, pose and category given (known); UCD from the whole true "
         "surface, unit box squared, true unit box; 95 % intervals",
@@ -176,38 +175,3 @@ def print_reliability(output: Output, found: Reliability) -> None:
         ["confidence", "mean", "share right", "n"],
         [(f"{part.low:.1f} to {part.high:.1f}", part.confidence, part.right, part.n) for part in found.bins],
     )
-
-
-_Key = tuple[str, str]
-
-
-class _Table:
-    """Summaries by data set and category."""
-
-    def __init__(self, summaries: Sequence[Summary]) -> None:
-        self.found = {(s.dataset, s.category, s.metric, s.group): s for s in summaries}
-
-    def lines(self, metric: str) -> list[tuple[str, _Key]]:
-        """Name and key of all data that have this metric."""
-        keys = dict.fromkeys((dataset, category) for dataset, category, name, _ in self.found if name == metric)
-        return [("/".join(key), key) for key in keys]
-
-    def value(self, key: _Key, metric: str) -> float | None:
-        found = self.found.get((*key, metric, "all"))
-        return None if found is None else found.value
-
-    def count(self, key: _Key, metric: str) -> int | None:
-        found = self.found.get((*key, metric, "all"))
-        return None if found is None else found.n
-
-    def interval(self, key: _Key, metric: str) -> str:
-        """Value and interval, as 0.85 0.71–0.93."""
-        found = self.found.get((*key, metric, "all"))
-        if found is None:
-            return ""
-        return f"{found.value:.2f}" + ("" if found.low is None else f" {found.low:.2f}–{found.high:.2f}")
-
-    def counted(self, key: _Key, metric: str, group: str) -> str:
-        """Hits of all, as 17/20."""
-        found = self.found.get((*key, metric, group))
-        return "" if found is None else f"{round(found.value * found.n)}/{found.n}"

@@ -13,7 +13,8 @@ from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.fitting.clean_config import CleanConfig
-from kpred.fitting.refine_config import RefineConfig
+from kpred.fitting.refine_config import Deform, RefineConfig
+from kpred.refinement.structure_config import StructureConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +27,14 @@ class FitCommand(Command):
     examples:
       kpred fit chair.ply -o chair.obj
       kpred fit scan.xyz -o table.glb --category table --top-k 25
-      kpred fit scan.npy -o result.ply --database mine.kpred --frame known --no-refine --json
+      kpred fit scan.npy -o result.ply --database mine.kpred --frame known --deform paper --json
+      kpred fit chair.ply -o chair.obj --deform none
+      kpred fit desk.ply -o desk.obj --database mine.kpred --model-id desk_0042 --deform structure
       kpred fit corner.pcd -o chair.stl --up z --partial yes --floor 0
       kpred fit scan.ply -o desk.obj --sensor 0.4 1.6 2.0 --cleaning.wall False
       kpred fit scan.ply -o chair.obj --pose given:pose.txt --no-clean
-      kpred fit scan.ply -o chair.obj --refinement.box per_axis --refinement.reflection 0
+      kpred fit scan.ply -o chair.obj --structure.contact 0.1
+      kpred fit scan.ply -o chair.obj --deform free --refinement.reflection 0
     """
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
@@ -57,16 +61,22 @@ class FitCommand(Command):
     """Height of the floor along the up axis, in the scan's frame and units; the object stands on it"""
     partial: Literal["auto", "yes", "no"] = "auto"
     """Whether parts of the object are missing in the scan; auto finds out"""
-    refine: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Leave out the refinement (the paper's protocol)"""
+    deform: Deform = "auto"
+    """How far a model may be changed. none: placed, scale: sized along each axis, structure: its parts move and
+    grow while what is flat, square and mirrored stays so, free: bent by refined keypoints, paper: bent as the
+    network says; auto takes the least of the first three that explains the scan"""
+    model_id: Annotated[str | None, arg(metavar="ID")] = None
+    """Fit this model of the database, and no other"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
     """Take the scan as it is: leave out all steps of cleaning"""
     cleaning: Annotated[CleanConfig, FlagConversionOff] = field(default_factory=CleanConfig)
     """Steps of cleaning, one by one; with --frame known the scan is cleaned only if a setting is changed"""
+    structure: Annotated[StructureConfig, FlagConversionOff] = field(default_factory=StructureConfig)
+    """Settings of --deform auto and structure, one by one"""
     refinement: Annotated[RefineConfig, FlagConversionOff] = field(default_factory=RefineConfig)
-    """Settings of the refinement, one by one"""
+    """Settings of --deform free, one by one"""
 
     def run(self, output: Output) -> None:
         """Fit, write the files, print what was chosen."""
@@ -90,7 +100,8 @@ class FitCommand(Command):
             category=self.category,
             top_k=self.top_k,
             frame=self.frame,
-            refine=self.refine,
+            deform=self.deform,
+            model_id=self.model_id,
             up=self.up,
             partial={"auto": None, "yes": True, "no": False}[self.partial],
             pose=self.pose,
@@ -98,6 +109,7 @@ class FitCommand(Command):
             floor=self.floor,
             clean=self.clean if self.cleaning == CleanConfig() else self.cleaning,
             refinement=self.refinement,
+            structure=self.structure,
         )
         files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture)
         describe(output, result, files)
@@ -108,8 +120,10 @@ class FitCommand(Command):
             raise UsageError("--frame known says how and where the scan stands; leave out --pose and --floor.")
         if not self.clean and self.cleaning != CleanConfig():
             raise UsageError("--no-clean leaves out all steps of cleaning; leave out --no-clean or the settings.")
-        if not self.refine and self.refinement != RefineConfig():
-            raise UsageError("--no-refine leaves out the refinement; leave out --no-refine or the settings.")
+        if self.deform != "free" and self.refinement != RefineConfig():
+            raise UsageError("--refinement settings are those of --deform free; add it, or leave out the settings.")
+        if self.deform not in ("auto", "structure") and self.structure != StructureConfig():
+            raise UsageError("--structure settings are those of --deform auto and structure; leave them out.")
         for value in (*(self.sensor or ()), *(() if self.floor is None else (self.floor,))):
             if not math.isfinite(value):
                 raise UsageError("--sensor and --floor must be finite numbers.")

@@ -77,17 +77,22 @@ def _drawn(fit: Fit, scan: np.ndarray, file: Path) -> bool:
 
 
 def describe(output: Output, fit: Fit, files: list[Path]) -> None:
-    """Print what was chosen, how sure that is, how well it fits, how long it took and which files were written."""
+    """Print what was chosen, how sure that is, what was changed, how well it fits, and which files were written."""
     output.result({**fit.to_json(), "files": files})
     several = len(fit.category_confidence) > 1
+    factor, cleanliness = float(fit.placement.scale.max()), fit.cleanliness
     size = " x ".join(f"{side:.3g}" for side in np.ptp(fit.mesh.bounds, axis=0))
     rows: list[tuple[str, Any, str, str]] = [
         ("model", fit.source.model_id, "", ""),
         ("category", fit.category, "", ""),
         *([("category confidence", fit.category_confidence[fit.category], "probability", "")] if several else []),
         ("confidence", fit.confidence, "probability", ""),
-        ("scan taken as", "partial" if fit.partial else "full", "", ""),
+        ("surface seen", fit.seen, "fraction", ""),
         ("models compared", len(fit.candidates), "", ""),
+        ("change", fit.source.step, f"of --deform {fit.deform}", ""),
+        ("own size of the model", "kept" if fit.placement.own_size else f"x {factor:.3g}", "", ""),
+        ("right angles changed by", cleanliness.squareness, "degrees, mean", ""),
+        ("flat faces bent by", 100 * cleanliness.flatness, "% of the longest side", ""),
         ("triangles", len(fit.mesh.faces), "", ""),
         ("size", size, "scan units", "scan"),
         *((metric.name.replace("_", " "), metric.value, metric.unit, metric.frame) for metric in fit.metrics),

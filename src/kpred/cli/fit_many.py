@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.fitting.refine_config import Deform
 
 if TYPE_CHECKING:
     from kpred.batch.run import BatchReport
@@ -26,6 +27,7 @@ class FitManyCommand(Command):
     examples:
       kpred fit-many scans/ -o fitted/
       kpred fit-many scans.parquet -o fitted/ --category chair --workers 8
+      kpred fit-many scans/ -o placed/ --deform scale --mesh .glb
       kpred fit-many s3_copy/scans.parquet -o /shared/fitted --ray auto --mesh .glb
     """
 
@@ -45,8 +47,10 @@ class FitManyCommand(Command):
     """auto finds each scan's box and front; known takes scans as y up, front +z, in their unit box"""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """Up axis of the scans"""
-    refine: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Leave out the refinement of keypoints"""
+    deform: Deform = "auto"
+    """How far a model may be changed (`kpred fit --help`); auto takes the least that explains a scan"""
+    model_id: Annotated[str | None, arg(metavar="ID")] = None
+    """Fit this model of the database to every scan"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
     """Take the scans as they are"""
     mesh: Literal[".ply", ".obj", ".glb", ".stl", "none"] = ".ply"
@@ -73,7 +77,8 @@ class FitManyCommand(Command):
             top_k=self.top_k,
             frame=self.frame,
             up=self.up,
-            refine=self.refine,
+            deform=self.deform,
+            model_id=self.model_id,
             clean=self.clean,
             mesh="" if self.mesh == "none" else self.mesh,
         )

@@ -14,6 +14,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.fitting.refine_config import Deform
 
 if TYPE_CHECKING:
     from kpred.fitting.scene import ObjectFit, SceneFit
@@ -32,6 +33,7 @@ class SceneCommand(Command):
       kpred scene scene0470_00_vh_clean_2.ply --objects scene0470_00.aggregation.json -o scene.glb
       kpred scene room.ply --objects boxes.json -o room.glb --up y --no-picture
       kpred scene room.ply --objects instances.npy -o room.glb --json
+      kpred scene office.ply --objects chairs.json -o office.glb --model-id chair_0042 --deform none
     """
 
     scene: Annotated[Positional[Path], arg(metavar="SCENE")]
@@ -51,8 +53,10 @@ class SceneCommand(Command):
     """CAD database (.kpred); without it, the bundled one"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models to deform and compare for each object"""
-    refine: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Leave out the refinement of keypoints"""
+    deform: Deform = "auto"
+    """How far a model may be changed (`kpred fit --help`); auto takes the least that explains an object"""
+    model_id: Annotated[str | None, arg(metavar="ID")] = None
+    """Fit this model of the database to every object"""
     floor: Annotated[bool, arg(help_behavior_hint="")] = True
     """Do not take objects to stand on the scene's floor, where their feet were not scanned"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
@@ -77,7 +81,8 @@ class SceneCommand(Command):
                 self.database,
                 progress=lambda done, total, name: bar.update("objects", done, total, name),
                 top_k=self.top_k,
-                refine=self.refine,
+                deform=self.deform,
+                model_id=self.model_id,
                 floor=self.floor,
             )
         files = self._write(result)

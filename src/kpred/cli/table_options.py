@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +18,7 @@ from kpred.cli.usage import UsageError
 if TYPE_CHECKING:
     from kpred.evaluation.intervals import Interval
     from kpred.evaluation.table_data import Cell, Series, Table
+    from kpred.evaluation.tables import TableConfig
 
 BUNDLED = "bundled"
 
@@ -113,6 +116,60 @@ def named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
     return pairs
 
 
+@dataclass(frozen=True, kw_only=True)
+class MeasuredCommand(PackTableCommand, ModelOptions):
+    """Tables that measure the targets of packs by one plan."""
+
+    targets: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Only the targets named in this file: another table (.json), a split file (.csv with modelId and split), or one id
+    a line"""
+
+    peer: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=FOLDER", help_behavior_hint="repeatable")] = ()
+    """Weights of a peer (`kpred train peer`) and its name in the table; its row counts as feed-forward"""
+
+    def named_peers(self) -> list[tuple[str, str]]:
+        """Folders of peers by their name in the table."""
+        return named(self.peer, "peer")
+
+    @abstractmethod
+    def config(self) -> TableConfig:
+        """The plan."""
+
+    @abstractmethod
+    def show(self, output: Output, table: Table) -> None:
+        """Print the table."""
+
+    def run(self, output: Output) -> None:
+        """Measure with a progress bar, print and write."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.evaluation.methods.peers import peer_method
+        from kpred.evaluation.peer_rows import add_methods
+        from kpred.evaluation.tables import make_table
+        from kpred.evaluation.target_lists import read_target_list
+
+        self.check()
+        self.named_peers()
+        models, databases, config = self.named_models(), self.named_databases(), self.config()
+        if self.targets is not None:
+            config = replace(config, only=read_target_list(self.targets, self.split))
+        began = time.perf_counter()
+        with ProgressBar() as bar:
+            table = make_table(
+                self.packs,
+                models,
+                config,
+                databases,
+                cache=self.cache,
+                progress=bar.update,
+                # They are in the header, and printed with the table.
+                report=lambda sentence: None,
+            )
+            if self.peer:
+                peers = {name: peer_method(name, folder) for name, folder in self.named_peers()}
+                add_methods(table, self.packs, peers, config, progress=bar.update)
+        self.finish(output, table, time.perf_counter() - began, self.show)
+
+
 SHORT = {
     "chamfer_distance": "CD",
     "unilateral_chamfer_distance": "UCD",
@@ -137,6 +194,32 @@ def shown(found: Cell | Interval | None) -> str:
 def label(series: Series) -> str:
     """What a series is called in a printed table."""
     return series.method.removesuffix("_whole").replace("_", " ")
+
+
+def errors_of(table: Table, dataset: str) -> list[Series]:
+    """List the series that are distances of results from targets."""
+    return [one for one in table.series(dataset) if one.is_error]
+
+
+def print_hint(output: Output, table: Table, dataset: str) -> None:
+    """Print the error of whole shapes without the hint that nothing is hidden, against that with it."""
+    categories = table.categories(dataset)
+    pairs = [
+        (one, other)
+        for one in errors_of(table, dataset)
+        for other in errors_of(table, dataset)
+        if (one.method, other.method) == ("structure_without_hint", "structure")
+        and (one.model, one.top_k) == (other.model, other.top_k)
+    ]
+    if pairs:
+        output.table(
+            f"{dataset}, whole shapes: CD of structure without the hint that nothing is hidden / with it",
+            ["model", *categories],
+            [
+                [one.model, *(shown(table.ratio(one, other, dataset, name)) for name in categories)]
+                for one, other in pairs
+            ],
+        )
 
 
 def print_pivot(

@@ -15,7 +15,7 @@ PREFIX = "structure."
 """Start of the names of these arrays."""
 
 _FLOATS = ("axes", "boxes", "contact_points", "affine_ranges")
-_INTEGERS = {"contact_parts": "<u1", "mirrored_parts": "<i2", "curved": "<u1"}
+_INTEGERS = {"contact_parts": "<u1", "mirrored_parts": "<i2", "curved": "<u1", "ends_only": "<u1"}
 FITTING_STRUCTURE = tuple(PREFIX + name for name in (*_FLOATS, *_INTEGERS, "mirror"))
 """Arrays that fitting reads: all but those of vertices and faces."""
 
@@ -48,6 +48,7 @@ def rounded_structure(structure: Structure) -> Structure:
         mirror=float(np.float32(structure.mirror)),
         mirrored_parts=np.asarray(structure.mirrored_parts, np.int32),
         affine_ranges=_rounded(structure.affine_ranges),
+        ends_only=np.asarray(structure.ends_only, bool),
     )
 
 
@@ -79,6 +80,7 @@ def _check_shapes(arrays: Mapping[str, np.ndarray], vertices: int, faces: int) -
         "contact_parts": (contacts, 2),
         "contact_points": (contacts, 3),
         "mirrored_parts": (parts,),
+        "ends_only": (parts, 3),
         "affine_ranges": (len(arrays["affine_ranges"]), 4),
     }
     for name, shape in shapes.items():
@@ -151,7 +153,8 @@ def unpack_structure(arrays: Mapping[str, np.ndarray], vertices: int = 0, faces:
         values[name] = np.asarray(arrays[PREFIX + name], np.int32)
     for name in ("vertex_parts", "facets"):
         values[name] = np.asarray(arrays.get(PREFIX + name, nothing), np.int32)
-    values["curved"], mirror = arrays[PREFIX + "curved"] != 0, arrays[PREFIX + "mirror"]
+    values |= {name: arrays[PREFIX + name] != 0 for name in ("curved", "ends_only")}
+    mirror = arrays[PREFIX + "mirror"]
     _require(mirror.shape == (1,), "mirror", f"has shape {mirror.shape}, (1,) is wanted")
     _check_shapes(values, vertices, faces)
     found = Structure(mirror=float(mirror[0]), **values)

@@ -124,7 +124,7 @@ def effects(table: Table) -> list[Effect]:
         category = table.categories(dataset)[-1]
         for series, values in table.values.items():
             other = replace(series, model=having)
-            if series.model == without and other in table.values:
+            if series.model == without and series.is_error and other in table.values:
                 seed = int(table.header.get("seed", 0))
                 comparison = compare_series(series, dataset, category, values, table.values[other], seed)
                 if comparison is not None:

@@ -21,6 +21,7 @@ from kpred.evaluation.targets import Target
 from kpred.fitting import RefineConfig
 from kpred.ops import chamfer_distance, sample_surface, squared_distances
 from kpred.ops.typing import Float
+from kpred.refinement.structure_config import StructureConfig
 
 KNOWN_FRAME, UNKNOWN_FRAME = "fit_known_frame", "fit_unknown_frame"
 
@@ -29,18 +30,23 @@ def measure_fits(
     target: Target,
     category: str,
     how: Fitting,
-    refinement: RefineConfig,
+    settings: tuple[RefineConfig, StructureConfig],
     protocol: str,
     occlusion: float,
     report: Callable[[str], None],
 ) -> list[Score]:
-    """Scores of both fits, unit box squared; one that fails is told to `report` and has none."""
+    """Scores of both fits, unit box squared; one that fails is told to `report` and has none.
+
+    Args:
+        settings: of the keypoints' refinement and of the structure-keeping deformation.
+    """
     partial = protocol == "partial"
     cloud = target.visible(occlusion) if partial else target.points
     checksum = zlib.crc32(f"frame {how.seed} {target.model_id}".encode())
     frame = random_frame(torch.Generator().manual_seed(checksum))
     known = cloud.numpy().astype(np.float64)
-    options = {"category": category, "partial": partial, "clean": False, "refinement": refinement}
+    options = {"category": category, "partial": partial, "clean": False}
+    options |= {"refinement": settings[0], "structure": settings[1]}
     fits = {
         KNOWN_FRAME: tried(known, how, frame="known", **options),
         UNKNOWN_FRAME: tried(frame.from_unit(known), how, up="y", **options),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -87,7 +88,14 @@ def _bootstrap(
     """Quantiles of a statistic of rows (resamples, count) drawn with replacement."""
     if count < 2:
         return None, None
-    rows = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
     tail = (1 - LEVEL) / 2
-    low, high = np.quantile(statistic(rows), [tail, 1 - tail])
+    low, high = np.quantile(statistic(_resamples(count, seed)), [tail, 1 - tail])
     return float(low), float(high)
+
+
+@lru_cache(maxsize=4)
+def _resamples(count: int, seed: int) -> np.ndarray:
+    """Draw rows with replacement; the measures of one table have them in common."""
+    rows = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
+    rows.flags.writeable = False
+    return rows

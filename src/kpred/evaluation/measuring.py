@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -23,6 +23,7 @@ from kpred.evaluation.table_data import ALL, NO_MODEL
 from kpred.evaluation.targets import Target, read_targets
 from kpred.fitting import RefineConfig
 from kpred.nn import Model
+from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes import MeshPack
 
 Store = Database | str | os.PathLike[str] | None
@@ -36,7 +37,7 @@ class Plan:
         top_k: numbers of models to compare; steps: (protocol, occlusion) of each measurement of a target.
         split, limit, seed: which targets, as `read_targets` takes them.
         oracle: whether all of the database is deformed and compared too.
-        refinement: for the models and for the baseline alike.
+        refinement: for the models and for the baseline alike; structure: of the structure-keeping deformation.
         baselines: whether what needs no model is measured.
         unknown_frame: whether fits that must find the frame are measured beside fits that know it.
         cache: folder that keeps the databases that are built.
@@ -54,6 +55,7 @@ class Plan:
     unknown_frame: bool = False
     cache: Path | None = None
     only: frozenset[str] | None = None
+    structure: StructureConfig = field(default_factory=StructureConfig)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +231,8 @@ def measure_pack(
                         scores += [(name, score) for score in measure(target, bench, protocol, occlusion)]
                 for name in models if plan.unknown_frame else ():
                     how = Fitting(models[name], pack.stores[name], max(plan.top_k), plan.seed)
-                    fits = measure_fits(target, pack.category, how, plan.refinement, protocol, occlusion, report)
+                    settings = plan.refinement, plan.structure
+                    fits = measure_fits(target, pack.category, how, settings, protocol, occlusion, report)
                     scores += [(name, score) for score in fits]
             found.append(Measured(target.model_id, len(pack.baseline.points), pack.searched, scores))
             if progress is not None:
@@ -243,11 +246,12 @@ def _benches(pack: OpenPack, models: Mapping[str, Model], plan: Plan) -> list[tu
         (
             name,
             Bench(
-                model[pack.category],
+                model,
                 pack.stores[name],
                 pack.baseline,
                 plan.top_k,
                 plan.refinement,
+                plan.structure,
                 plan.oracle,
                 baselines=False,
             ),

@@ -1,8 +1,9 @@
-"""Crops of real scans, one object each, fitted with nothing given but gravity.
+"""Crops of real scans, one object each, fitted with nothing given but the up axis, or with nothing given at all.
 
-There is no true shape to compare with: what is measured is how near the crop's points lie to the result, and whether it
-is of the right category. Distances are means over points, in metres: `all points` of the crop as it is, which holds
-points of floor and neighbours, and `kept points`, those that cleaning takes for the object's.
+There is no true shape to compare with: what is measured is how near the crop's points lie to the result, whether it is
+of the right category, and how clean the result is. Distances are means over points, to the result's surface, in metres:
+`all points` of the crop as it is, which holds points of floor and neighbours, and `kept points`, those that cleaning
+takes for the object's.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ import numpy as np
 import trimesh
 
 from kpred.errors import ConfigError, ScanError
+from kpred.evaluation.cleanliness_scores import MEASURES
 from kpred.evaluation.contact_sheet import Tile, Verdict
 from kpred.evaluation.scan_outcomes import Fitting, claimed, tried
 from kpred.evaluation.summary import ALL, Scope, Summary, finite
 from kpred.evaluation.surfaces import Surface
+from kpred.fitting import Fit
 from kpred.fitting.cleaning import clean_scan
 from kpred.fitting.upright import UP_AXES, upright_rotation
 from kpred.shapes import read_scan
 from kpred.shapes.categories import category_of
 from kpred.shapes.scan2cad import read_json
+from kpred.shapes.structure.cleanliness import Cleanliness
 
 NEAR_METRES = 0.04
 INDEX = "index.json"
@@ -56,6 +60,8 @@ class CropOutcome:
         failure: why there is no result.
         found: category of the result; model: id of its model; confidence, warnings, milliseconds: of the fit.
         distance_all, distance_kept: mean distance to the result, metres.
+        up_right: whether the up axis was found, where it was not given.
+        step: how far the model was changed; cleanliness: what its mesh lost by that.
         tile: picture of it.
     """
 
@@ -72,6 +78,9 @@ class CropOutcome:
     milliseconds: float | None = None
     distance_all: float | None = None
     distance_kept: float | None = None
+    up_right: bool | None = None
+    step: str | None = None
+    cleanliness: Cleanliness | None = None
 
     @property
     def category_right(self) -> bool:
@@ -90,7 +99,8 @@ class CropOutcome:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, without the picture."""
-        return finite({key: value for key, value in self.__dict__.items() if key != "tile"})
+        facts = {key: value for key, value in self.__dict__.items() if key != "tile"}
+        return finite({**facts, "cleanliness": None if self.cleanliness is None else self.cleanliness.to_json()})
 
 
 def read_crops(folder: str | os.PathLike[str], up: str | None = None) -> list[Crop]:
@@ -126,20 +136,24 @@ def read_crops(folder: str | os.PathLike[str], up: str | None = None) -> list[Cr
     return crops
 
 
-def measure_crop(crop: Crop, how: Fitting) -> CropOutcome:
-    """Fit a crop and measure; what reading or fitting it raises is told in the outcome."""
+def measure_crop(crop: Crop, how: Fitting, find_up: bool = False) -> CropOutcome:
+    """Fit a crop and measure the result, in metres and degrees; errors of reading and fitting go to the outcome.
+
+    Args:
+        find_up: whether the fit must find the up axis.
+    """
     name = crop.file.name
     try:
         points = read_scan(crop.file, seed=how.seed).astype(np.float64)
     except ScanError as error:
         nothing = Tile((name, str(error)), "wrong", np.zeros((1, 3)))
         return CropOutcome(name, crop.category, nothing, failure=str(error))
-    found = tried(points, how, up=crop.up)
+    found = tried(points, how, up="auto" if find_up else crop.up)
     if isinstance(found, str):
         standing = points @ upright_rotation(crop.up).T
         return CropOutcome(name, crop.category, Tile((name, found), "wrong", standing), len(points), failure=found)
     kept = clean_scan(points, crop.up, seed=how.seed).object_points
-    distances = Surface(found.mesh, how.seed).distances(points)
+    distances = Surface(found.mesh).distances(points)
     unit = found.frame.to_unit(np.asarray(found.mesh.vertices, dtype=np.float64))
     picture = Tile((), "open", found.frame.to_unit(points), trimesh.Trimesh(unit, found.mesh.faces, process=False))
     outcome = CropOutcome(
@@ -150,6 +164,9 @@ def measure_crop(crop: Crop, how: Fitting) -> CropOutcome:
         kept=int(kept.sum()),
         distance_all=float(distances.mean()),
         distance_kept=float(distances[kept].mean()),
+        up_right=_up_right(found, crop) if find_up else None,
+        step=found.source.step,
+        cleanliness=found.cleanliness,
         **claimed(found),
     )
     verdict: Verdict = "right" if outcome.near and outcome.category_right else "wrong"
@@ -160,6 +177,7 @@ def evaluate_crops(
     crops: Sequence[Crop],
     how: Fitting,
     *,
+    find_up: bool = False,
     progress: Progress | None = None,
     report: Callable[[str], None] | None = None,
 ) -> list[CropOutcome]:
@@ -172,7 +190,7 @@ def evaluate_crops(
     outcomes = []
     for done, crop in enumerate(crops, start=1):
         if crop.category in known:
-            outcomes.append(measure_crop(crop, how))
+            outcomes.append(measure_crop(crop, how, find_up))
         elif report is not None:
             report(f"left out: {crop.file}: {crop.category} is not among the categories of model and database.")
         if progress is not None:
@@ -195,6 +213,9 @@ def summarise_crops(outcomes: Sequence[CropOutcome], dataset: str, seed: int) ->
         rows += scope.share("all_points_under_4_cm", [outcome.all_near for outcome in mine], frame)
         rows += scope.share("kept_points_under_4_cm", [outcome.near for outcome in mine], frame)
         rows += scope.share("category_right", [outcome.category_right for outcome in mine], frame)
+        found_up = [outcome.up_right for outcome in fitted if outcome.up_right is not None]
+        rows += scope.share("up_axis_right", found_up, frame)
+        rows += _of_cleanliness([one.cleanliness for one in fitted if one.cleanliness is not None], scope)
         rows += scope.share("warned", [outcome.warnings > 0 for outcome in mine], frame)
         said = [outcome.confidence for outcome in mine if outcome.confidence is not None]
         rows += scope.mean("confidence", said, "1", frame)
@@ -202,6 +223,21 @@ def summarise_crops(outcomes: Sequence[CropOutcome], dataset: str, seed: int) ->
         milliseconds = [outcome.milliseconds for outcome in fitted if outcome.milliseconds is not None]
         rows += scope.median("milliseconds", milliseconds, "ms", frame)
     return rows
+
+
+def _of_cleanliness(found: Sequence[Cleanliness], scope: Scope) -> list[Summary]:
+    """Means and 95th percentiles over the crops."""
+    rows: list[Summary] = []
+    for name, unit in MEASURES.items():
+        values = [float(value) for one in found if (value := one.to_json()[name]) is not None]
+        rows += scope.mean(name, values, unit, "unit box of the result")
+        rows += scope.percentile_95(name, values, unit, "unit box of the result")
+    return rows
+
+
+def _up_right(found: Fit, crop: Crop) -> bool:
+    """Whether the axis that the fit takes for up is the crop's."""
+    return bool((found.frame.rotation @ np.array(UP_AXES[crop.up], dtype=np.float64))[1] > 0.9)
 
 
 def _labels(outcome: CropOutcome) -> tuple[str, ...]:

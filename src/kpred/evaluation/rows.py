@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from kpred.shapes.atomic import atomic_path
 
 UNIT = "unit box squared"
@@ -31,9 +33,10 @@ class Score:
 
     Attributes:
         protocol: `full` or `partial`; occlusion: share of the target's points that were hidden.
-        metric: what was done, as `refined`; distance: how its error was measured, as `chamfer_distance`.
+        metric: what was done, as `refined`; distance: what was measured of the result, as `chamfer_distance` or a
+            measure of cleanliness (`kpred.evaluation.cleanliness_scores`).
         top_k: how many models were deformed and compared; None where the whole database was.
-        value: the error, unit box squared.
+        value: in `unit`.
     """
 
     protocol: str
@@ -42,6 +45,7 @@ class Score:
     distance: str
     top_k: int | None
     value: float
+    unit: str = UNIT
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Row:
         dataset: folder of the pack's file; split, category: of the targets; database_models: models searched (mean
             over the targets where several packs are taken together, rounded).
         protocol, occlusion, top_k, metric, distance: see `Score`.
-        value: mean over instances; unit, frame: how to read it; n: number of instances.
+        value: mean over instances; percentile_95: of them; unit, frame: how to read it; n: number of instances.
         ratio_to_undeformed: value / value of the nearest undeformed model under the same distance.
         ratio_to_no_learning: value / value of the baseline without learning under the same distance and top_k.
     """
@@ -68,6 +72,7 @@ class Row:
     unit: str
     frame: str
     value: float
+    percentile_95: float
     n: int
     database_models: int
     ratio_to_undeformed: float | None
@@ -81,7 +86,9 @@ class Row:
 def aggregate(scores: Iterable[Score], *, dataset: str, split: str, category: str, database_models: int) -> list[Row]:
     """One row for each (protocol, occlusion, metric, distance, top_k), in the order of their first score."""
     values: dict[tuple[str, float, str, str, int | None], list[float]] = {}
+    units: dict[str, str] = {}
     for score in scores:
+        units[score.distance] = score.unit
         key = (score.protocol, score.occlusion, score.metric, score.distance, score.top_k)
         values.setdefault(key, []).append(score.value)
     means = {key: math.fsum(found) / len(found) for key, found in values.items()}
@@ -101,9 +108,10 @@ def aggregate(scores: Iterable[Score], *, dataset: str, split: str, category: st
                 top_k=top_k,
                 metric=metric,
                 distance=distance,
-                unit=UNIT,
+                unit=units[distance],
                 frame=FRAME,
                 value=means[key],
+                percentile_95=percentile_95(found),
                 n=len(found),
                 database_models=database_models,
                 ratio_to_undeformed=_ratio(means[key], undeformed),
@@ -111,6 +119,11 @@ def aggregate(scores: Iterable[Score], *, dataset: str, split: str, category: st
             )
         )
     return rows
+
+
+def percentile_95(values: Sequence[float]) -> float:
+    """Compute the 95th percentile of at least one value; infinite or NaN where a value is not finite."""
+    return float(np.percentile(values, 95)) if np.isfinite(values).all() else math.fsum(values)
 
 
 def write_rows(path: str | os.PathLike[str], header: Mapping[str, Any], rows: Sequence[Row]) -> None:

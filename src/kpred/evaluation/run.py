@@ -17,6 +17,7 @@ from kpred.evaluation.searched import SOURCE_SPLIT, Progress
 from kpred.evaluation.table_data import ALL
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
+from kpred.refinement.structure_config import StructureConfig
 
 OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
 MODEL = "model"
@@ -39,6 +40,7 @@ def evaluate(
     seed: int = 0,
     oracle: bool = False,
     refinement: RefineConfig | None = None,
+    structure: StructureConfig | None = None,
     progress: Progress | None = None,
     report: Callable[[str], None] = _warn,
 ) -> list[Row]:
@@ -57,7 +59,8 @@ def evaluate(
         limit: at most so many targets a pack, drawn at random by seed.
         seed: of targets, planes and of the points of databases that are built.
         oracle: deform and compare all of the database as well (slow).
-        refinement: settings of the refinement, for the model and for the baseline alike.
+        refinement: settings of the keypoints' refinement, for the model and for the baseline alike; structure: of the
+            structure-keeping deformation.
         progress: called as the work goes on.
         report: called with one sentence for each shape left out, and when targets are in the database.
 
@@ -70,7 +73,14 @@ def evaluate(
         ConfigError: an argument has an impossible value.
     """
     plan = Plan(
-        numbers(top_k), steps_of(protocol, occlusions), split, limit, seed, oracle, refinement or RefineConfig()
+        numbers(top_k),
+        steps_of(protocol, occlusions),
+        split,
+        limit,
+        seed,
+        oracle,
+        refinement or RefineConfig(),
+        structure=structure or StructureConfig(),
     )
     files = pack_files(packs)
     networks = model if isinstance(model, Model) else load_model(model)
@@ -101,6 +111,7 @@ def run_header(
     limit: int | None = None,
     seed: int = 0,
     refinement: RefineConfig | None = None,
+    structure: StructureConfig | None = None,
     remarks: Sequence[str] = (),
 ) -> dict[str, Any]:
     """What the rows of a run were made by, as plain values: model, database, seed, versions and how to read them."""
@@ -115,6 +126,7 @@ def run_header(
         "limit": limit,
         "seed": seed,
         "refinement": asdict(refinement or RefineConfig()),
+        "structure": asdict(structure or StructureConfig()),
         "unit": UNIT,
         "frame": FRAME,
         "remarks": list(remarks),

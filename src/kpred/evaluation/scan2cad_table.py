@@ -32,9 +32,9 @@ from kpred.evaluation.searched import Progress, content_hash, counter, searched
 from kpred.evaluation.table_data import NO_MODEL, Series, Subject, Table
 from kpred.evaluation.tables import TableConfig, loaded_models, protocol_of
 from kpred.evaluation.targets import Target
-from kpred.fitting.fit_scan import SCAN_POINTS
 from kpred.fitting.resources import as_database
 from kpred.fitting.scene import fit_scene
+from kpred.fitting.stages import SCAN_POINTS
 from kpred.nn import Model
 from kpred.ops import Frame, unit_box_frame
 from kpred.shapes.scan2cad import SceneAnnotation, read_annotations
@@ -134,7 +134,15 @@ class _Benches:
             benches = [
                 (
                     name,
-                    Bench(model[category], self.stores[name], baseline, plan.top_k, plan.refinement, baselines=False),
+                    Bench(
+                        model,
+                        self.stores[name],
+                        baseline,
+                        plan.top_k,
+                        plan.refinement,
+                        plan.structure,
+                        baselines=False,
+                    ),
                 )
                 for name, model in self.models.items()
             ]
@@ -193,7 +201,8 @@ def _add_scene(
                 for score in measure_cloud(cloud, target, bench, PARTIAL, 0.0):
                     # Distance of the scan to a sample of the annotated model.
                     method = ANNOTATED if score.metric == "sampling_floor" else score.metric
-                    table.add(_series(name, method, score.distance, score.top_k), subject, score.value)
+                    series = replace(_series(name, method, score.distance, score.top_k), unit=score.unit)
+                    table.add(series, subject, score.value)
         if progress is not None:
             progress(f"{annotation.id_scan}: objects", done, total)
     if benches.plan.unknown_frame:

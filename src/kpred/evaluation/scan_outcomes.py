@@ -127,7 +127,7 @@ def measure_scan(target: ScanTarget, category: str, how: Fitting, keep_mesh: boo
     # The rotation takes z up to y up; from the right it takes y up to z up.
     truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", how.model.recognizer)
     given = tried(target.known, how, frame="known", category=category, partial=True)
-    known, known_failure = (None, given) if isinstance(given, str) else (_errors(given.mesh, target, how.seed), None)
+    known, known_failure = (None, given) if isinstance(given, str) else (errors_of_result(given.mesh, target), None)
     if isinstance(found, str):
         return ScanOutcome(**truth, failure=found, known_failure=known_failure, known=known)
     mesh = moved(found.mesh, target.frame)
@@ -135,7 +135,7 @@ def measure_scan(target: ScanTarget, category: str, how: Fitting, keep_mesh: boo
         **truth,
         known_failure=known_failure,
         known=known,
-        unknown=_errors(mesh, target, how.seed),
+        unknown=errors_of_result(mesh, target),
         yaw=yaw_error(yaw_between(found.frame.rotation, target.frame.rotation), target.symmetry),
         result=mesh if keep_mesh else None,
         **claimed(found),
@@ -178,8 +178,9 @@ def moved(mesh: trimesh.Trimesh, frame: Frame) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.asarray(mesh.faces), process=False)
 
 
-def _errors(mesh: trimesh.Trimesh, target: ScanTarget, seed: int) -> Errors:
-    surface = Surface(mesh, seed)
+def errors_of_result(mesh: trimesh.Trimesh, target: ScanTarget) -> Errors:
+    """Measure a result in the true unit box against the true surface and box."""
+    surface = Surface(mesh)
     whole, visible = surface.distances(target.whole), surface.distances(target.visible)
     corners = np.asarray(mesh.vertices, dtype=np.float64)[np.unique(np.asarray(mesh.faces))]
     low, high = corners.min(axis=0), corners.max(axis=0)

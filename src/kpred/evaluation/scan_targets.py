@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -63,8 +63,12 @@ class ScanTarget:
     symmetry: Symmetry
 
 
-def make_scan_target(mesh: Mesh, model_id: str, seed: int) -> ScanTarget:
-    """Scan a mesh (y up, front +z, any unit) virtually; depends on the mesh, its id and the seed alone.
+def make_scan_target(mesh: Mesh, model_id: str, seed: int, views: int = 1, own_size: bool = False) -> ScanTarget:
+    """Scan a mesh (y up, front +z, any unit) virtually; depends on the mesh, its id and the other arguments alone.
+
+    Args:
+        views: how many cameras see it; 0 sees the whole surface.
+        own_size: whether the object stands there in the mesh's own size and unit, only turned and moved.
 
     Raises:
         MeshError: no face of the mesh has an area.
@@ -73,16 +77,28 @@ def make_scan_target(mesh: Mesh, model_id: str, seed: int) -> ScanTarget:
     vertices, faces = prepared.vertices, torch.from_numpy(prepared.mesh.faces).long()
     generator = torch.Generator().manual_seed(zlib.crc32(f"scan {seed} {zlib.crc32(model_id.encode())}".encode()))
     surface = _array(sample_surface(vertices, faces, _SURFACE_POINTS, generator)[0])
-    camera = random_camera(generator)
-    seen = depth_scan(vertices, faces, camera, POINTS, generator=generator)
     low, high = vertices.amin(0), vertices.amax(0)
-    known = _array(degraded(seen, camera, low, high, generator)).clip(-_REACH, _REACH)
+    parts = []
+    for _ in range(max(views, 1)):
+        camera = random_camera(generator)
+        if views:
+            seen = depth_scan(vertices, faces, camera, POINTS, generator=generator)
+        else:
+            seen = torch.from_numpy(surface[-POINTS:]).float()
+        parts.append((seen, degraded(seen, camera, low, high, generator)))
+    visible, scanned = (torch.cat(clouds) for clouds in zip(*parts, strict=True))
     frame = random_frame(generator)
+    if views > 1:
+        chosen = torch.randperm(len(scanned), generator=generator)[:POINTS]
+        visible, scanned = visible[chosen], scanned[chosen]
+    known = _array(scanned).clip(-_REACH, _REACH)
+    if own_size:
+        frame = replace(frame, scale=prepared.frame.scale)
     return ScanTarget(
         model_id=model_id,
         scan=frame.from_unit(known),
         known=known,
-        visible=_array(seen),
+        visible=_array(visible),
         whole=surface[:POINTS],
         low=_array(low),
         high=_array(high),

@@ -203,13 +203,13 @@ def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, how: F
         return _failed(outcome, item, told.error or f"{item.name}: it has no annotated CAD model.")
     try:
         placed, rotation = annotated_mesh(model, root), annotated_rotation(model)
-        annotated = Surface(placed, how.seed).distances(item.points)
+        annotated = Surface(placed).distances(item.points)
     except KpredError as error:
         return _failed(outcome, item, str(error))
     except ValueError:
         return _failed(outcome, item, f"{item.name}: its annotated pose mirrors the CAD model; mend or remove it.")
     symmetry = OF_SCAN2CAD.get(model.sym, NONE)
-    distance = float(Surface(told.fit.mesh, how.seed).distances(item.points).mean())
+    distance = float(Surface(told.fit.mesh).distances(item.points).mean())
     centre_cm = 100 * float(np.linalg.norm(told.cad_to_scan()[:3, 3] - annotated_centre(model, placed)))
     yaw = yaw_error(yaw_between(told.fit.frame.rotation, rotation), symmetry)
     claims = claimed(told.fit) | {"found": None if untold.fit is None else untold.fit.category}

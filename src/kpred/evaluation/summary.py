@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from kpred.evaluation.intervals import Interval, mean_interval, median_interval, ratio_interval, share_interval
+from kpred.evaluation.rows import percentile_95
 from kpred.shapes.atomic import atomic_path
 
 ALL = "all"
@@ -24,7 +25,7 @@ class Summary:
 
     Attributes:
         dataset, split, category: of the scans; group: which of them, as `symmetry none`, or all.
-        metric: what was measured; statistic: `mean`, `median`, `share` or `ratio of means`.
+        metric: what was measured; statistic: `mean`, `median`, `share`, `ratio of means` or `95th percentile`.
         unit, frame: how to read the value; n: number of scans.
         low, high: 95 % interval over the scans (`kpred.evaluation.intervals`); None where there are fewer than two.
     """
@@ -63,6 +64,13 @@ class Scope:
     def median(self, metric: str, values: Sequence[float], unit: str, frame: str, group: str = ALL) -> list[Summary]:
         """Median of some values."""
         return self._made(values, lambda: median_interval(values, self.seed), metric, "median", unit, frame, group)
+
+    def percentile_95(
+        self, metric: str, values: Sequence[float], unit: str, frame: str, group: str = ALL
+    ) -> list[Summary]:
+        """95th percentile of some values, without an interval: few values say little about their tail."""
+        interval = lambda: Interval(percentile_95(values), None, None)  # noqa: E731
+        return self._made(values, interval, metric, "95th percentile", unit, frame, group)
 
     def share(self, metric: str, hits: Sequence[bool], frame: str, group: str = ALL) -> list[Summary]:
         """Share of true values."""

@@ -17,7 +17,7 @@ from typing import Any
 
 from kpred.errors import OutputError, PackError
 from kpred.evaluation.intervals import Interval, mean_interval, ratio_interval, share_interval
-from kpred.evaluation.rows import UNIT
+from kpred.evaluation.rows import UNIT, percentile_95
 from kpred.evaluation.summary import finite
 from kpred.shapes.atomic import check_place, write_together
 
@@ -58,12 +58,18 @@ class Series:
     top_k: int | None
     unit: str = UNIT
 
+    @property
+    def is_error(self) -> bool:
+        """Whether the values are distances of results from targets, unit box squared."""
+        return self.unit == UNIT
+
 
 @dataclass(frozen=True)
 class Cell:
     """Mean of a series over the targets of one data set and category (`all`: of all of them), with its 95 % interval.
 
-    `low` and `high` are None for a single target; see `kpred.evaluation.intervals`.
+    `low` and `high` are None for a single target; see `kpred.evaluation.intervals`. `percentile_95` is that of the
+    targets' own values.
     """
 
     series: Series
@@ -72,6 +78,7 @@ class Cell:
     value: float
     low: float | None
     high: float | None
+    percentile_95: float
     n: int
 
 
@@ -118,8 +125,9 @@ class Table:
             return None
         if not chosen:
             return None
-        found = _interval(series, list(chosen.values()), int(self.header.get("seed", 0)))
-        return Cell(series, dataset, category, found.value, found.low, found.high, len(chosen))
+        every = list(chosen.values())
+        found = _interval(series, every, int(self.header.get("seed", 0)))
+        return Cell(series, dataset, category, found.value, found.low, found.high, percentile_95(every), len(chosen))
 
     def ratio(self, above: Series, below: Series, dataset: str, category: str) -> Interval | None:
         """Ratio of the means of two series over the targets that both have, which are drawn together; None for none."""

@@ -33,6 +33,7 @@ from kpred.evaluation.table_data import Series, Subject, Table
 from kpred.evaluation.target_lists import listed
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
+from kpred.refinement.structure_config import StructureConfig
 
 OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
 TOP_K = (1, 5, 10, 25)
@@ -52,7 +53,7 @@ class TableConfig:
         occlusions: shares hidden, for `partial`.
         oracle: compare all of the database too.
         unknown_frame: fit every target too where its frame must be found.
-        refinement: for the models and for the baseline alike.
+        refinement: for the models and for the baseline alike; structure: of the structure-keeping deformation.
         only: ids of the targets, where they are named (`kpred.evaluation.target_lists`).
     """
 
@@ -65,6 +66,7 @@ class TableConfig:
     oracle: bool = False
     unknown_frame: bool = False
     refinement: RefineConfig = field(default_factory=RefineConfig)
+    structure: StructureConfig = field(default_factory=StructureConfig)
     only: frozenset[str] | None = None
 
     @property
@@ -98,6 +100,7 @@ class TableConfig:
             unknown_frame=self.unknown_frame,
             cache=cache,
             only=self.only,
+            structure=self.structure,
         )
 
 
@@ -177,7 +180,9 @@ def add_measured(
     for target in found:
         subject = Subject(source.dataset, source.pack.category, target.model_id)
         for model, score in target.scores:
-            series = Series(model, score.metric, score.protocol, score.occlusion, score.distance, score.top_k)
+            series = Series(
+                model, score.metric, score.protocol, score.occlusion, score.distance, score.top_k, score.unit
+            )
             table.add(series, subject, score.value)
     return found[0].searched
 

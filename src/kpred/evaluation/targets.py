@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -15,6 +16,8 @@ from kpred.ops import sample_surface, slice_by_plane
 from kpred.ops.occlusion import random_directions
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +98,21 @@ def chosen_rows(
     Raises:
         ConfigError: the limit is below 1.
     """
-    if limit is not None and limit < 1:
-        raise ConfigError(f"The limit of targets must be at least 1, but is {limit}.")
     rows = pack.indices(split)
     if only is not None:
         rows = rows[np.isin(pack.model_id[rows], list(only))]
-    if limit is not None:
-        rows = np.sort(np.random.default_rng(seed).permutation(rows)[:limit])
-    return [int(row) for row in rows]
+    return limited([int(row) for row in rows], limit, seed)
+
+
+def limited(items: Sequence[Item], limit: int | None, seed: int) -> list[Item]:
+    """Draw at most `limit` of some items at random by seed, in their order; nested in what a larger limit draws.
+
+    Raises:
+        ConfigError: the limit is below 1.
+    """
+    if limit is None:
+        return list(items)
+    if limit < 1:
+        raise ConfigError(f"The limit of targets must be at least 1, but is {limit}.")
+    chosen = np.sort(np.random.default_rng(seed).permutation(len(items))[:limit])
+    return [items[int(row)] for row in chosen]

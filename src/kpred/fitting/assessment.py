@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
 from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
 from kpred.fitting.deform import Deformed
 from kpred.fitting.placed import Placed
 from kpred.fitting.stages import CleanScan, Context, Tried
-from kpred.fitting.warnings import warnings_of
+from kpred.fitting.warnings import floor_gap, warnings_of
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,11 @@ def assess(deformed: Deformed, placed: Placed, tried: Tried, scan: CleanScan, co
         tried.every,
         context.model.recognizer is not None,
     )
-    sure, of_categories = confidence(evidence), category_probabilities(tried.every)
-    sentences = warnings_of(evidence, sure, candidates.category, of_categories, scan.steps, scan.size)
+    sure = confidence(evidence, context.model.calibration)
+    of_categories = category_probabilities(tried.every)
+    frame = tried.best.frame
+    floor = None if scan.floor is None else (scan.floor - float((frame.rotation @ frame.center)[1])) / frame.scale
+    gap = floor_gap(frame.to_unit(np.asarray(placed.mesh.vertices)), floor)
+    category = candidates.category
+    sentences = warnings_of(evidence, sure, category, of_categories, scan.steps, scan.size, explanation, gap)
     return Assessment(sure, of_categories, evidence, sentences)

@@ -85,9 +85,9 @@ class ScanBatch:
         return self.points + self.basis @ self.displacement
 
     def errors(self, most: int | None = None) -> Float[Tensor, "scans models"]:
-        """CD or, for partial scans, UCD; unit box squared; infinite for those that refinement gave up.
+        """CD or, for partial scans, UCD; unit box squared; infinite for those that refinement stopped.
 
-        `most` bounds the points of each cloud that are asked for; they are always searched among all of the other.
+        `most` bounds the queries of each cloud, which are searched among all points of the other.
         """
         if self.finalists is not None:
             errors = torch.full_like(self.distances, torch.inf)
@@ -99,13 +99,12 @@ class ScanBatch:
         return total.view(scans, models)
 
     def refined(self, config: RefineConfig) -> ScanBatch:
-        """With refined keypoints, in the box as it is: a few quick steps of all, all steps of each scan's finalists."""
+        """Refine keypoints of each scan's models: all by a few quick rounds, its finalists by all rounds."""
         finalists = config.most_finalists(self.partial)
         if self.rows.shape[1] <= finalists:
             found = self._refined(config, self.displacement).displacement
             return replace(self, displacement=found.view_as(self.displacement))
         quick = self._refined(config.quick(), self.displacement)
-        assert quick.error is not None
         started = replace(self, displacement=quick.displacement.view_as(self.displacement))
         ahead = quick.error.view_as(self.distances).argsort(dim=1, stable=True)[:, :finalists]
         found = started.take(ahead)._refined(config, self.take(ahead).displacement).displacement
@@ -133,10 +132,10 @@ class ScanBatch:
         return refine_candidates(
             self.points.flatten(0, 1),
             self.basis.flatten(0, 1),
-            Refined.in_fixed_box(self.displacement.flatten(0, 1)),
+            self.displacement.flatten(0, 1),
             self.targets.repeat_interleave(models, 0),
             self.confidence.repeat_interleave(models, 0),
-            replace(config, box="fixed"),
+            config,
             self.partial,
             network.flatten(0, 1),
         )

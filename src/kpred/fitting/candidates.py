@@ -12,14 +12,13 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
-from kpred.fitting.free_space import depth_pictures, free_space_errors
+from kpred.fitting.free_space import depth_pictures
 from kpred.fitting.observation import Observation
 from kpred.fitting.refine import Hints, Refined, refine_candidates
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.reflection import reflect
-from kpred.ops import squared_distances
 from kpred.ops.chamfer_cpu import chamfer_of_each
-from kpred.ops.sampling import at_even_steps
+from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_fit import StructureModel
@@ -30,14 +29,6 @@ MAX_MODELS = 256
 
 _models: OrderedDict[tuple[Structure, StructureConfig], StructureModel] = OrderedDict()
 _lock = Lock()
-
-ESTIMATE_POINTS = 256
-CLOSEST, CLOSEST_PARTIAL = 3, 6
-CLOSE = 1.25
-"""Candidates are compared by the distances of so many points, which are right in the mean, and then so many of them, of
-full scans those that are no more than this times worse than the best, by all points: on 70 scans of training shapes the
-best was always among them. Of partial scans the choice weighs all that are close (`kpred.fitting.choice`).
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +42,6 @@ class Candidates:
         partial: whether only scan-to-model distances count.
         keypoints: (K, 3) that the network expects of the whole object, where a network said so.
         sensors: (S, 3) where the scanner stood, where it is known.
-        scale, shift: (C, 3) of the candidates' boxes; the box stays as it is (1 and 0) where none are given.
         stopped: (C,) bool, of those that refinement did not carry to the end, if there were more than a few.
         structures: of the models; point_parts: (C, N) part of each point; point_normals: (C, N, 3), outward.
     """
@@ -67,8 +57,6 @@ class Candidates:
     partial: bool
     keypoints: Tensor | None = None
     sensors: Tensor | None = None
-    scale: Tensor | None = None
-    shift: Tensor | None = None
     stopped: Tensor | None = None
     structures: tuple[Structure, ...] = ()
     point_parts: np.ndarray | None = None
@@ -92,34 +80,22 @@ class Candidates:
         return made
 
     def deformed(self) -> Tensor:
-        """S + B d, in its own box: scale * (S + B d) + shift, (C, N, 3)."""
+        """Deform points by keypoints: S + B d, (C, N, 3)."""
         return self._deformed
 
     @cached_property
     def _deformed(self) -> Tensor:
-        moved = deformed(self.points, self.basis, self.displacement)
-        if self.scale is not None:
-            moved = self.scale[:, None] * moved
-        return moved if self.shift is None else moved + self.shift[:, None]
+        return deformed(self.points, self.basis, self.displacement)
 
     def errors(self, most: int | None = None) -> Tensor:
         """(C,) CD or, for partial scans, UCD; unit box squared; infinite for those that were stopped.
 
-        `most` bounds the points of each cloud that are asked for; they are always searched among all of the other.
+        `most` bounds the queries of each cloud, which are searched among all points of the other.
         """
         rows = torch.arange(len(self.model_ids)) if self.stopped is None else (~self.stopped).nonzero()[:, 0]
         errors = torch.full((len(self.model_ids),), torch.inf)
         errors[rows] = self.errors_of(rows, most)
         return errors
-
-    def closest_errors(self) -> tuple[Tensor, Tensor]:
-        """`errors`, (C,), and which of them are exact, (C,) bool: those close to the best; others are estimates."""
-        errors = self.errors(ESTIMATE_POINTS)
-        close = errors.isfinite() & (self.partial | (errors <= CLOSE * errors.min()))
-        most = CLOSEST_PARTIAL if self.partial else CLOSEST
-        rows = torch.tensor([row for row in errors.argsort(stable=True)[:most].tolist() if close[row]])
-        errors[rows] = self.errors_of(rows)
-        return errors, torch.zeros(len(errors), dtype=torch.bool).index_fill(0, rows, True)
 
     def errors_of(self, rows: Tensor, most: int | None = None) -> Tensor:
         """`errors` of these rows, stopped or not."""
@@ -127,10 +103,6 @@ class Candidates:
         steps = [1 if most is None else max(1, count // most) for count in (results.shape[1], len(target))]
         found = chamfer_of_each(target.contiguous().numpy(), results.numpy(), self.partial, *steps)
         return torch.from_numpy(found)
-
-    def from_scan(self, row: int, most: int | None = None) -> Tensor:
-        """(M,) squared distance of the scan's points, or of some (`errors`), from the result of one row; unit box."""
-        return squared_distances(at_even_steps(self.target, most)[None], self.deformed()[row : row + 1])[0]
 
     def refined(self, config: RefineConfig, rows: Tensor | None = None) -> Candidates:
         """The same candidates, or those of `rows`, with refined keypoints.
@@ -143,20 +115,13 @@ class Candidates:
         if len(kept.model_ids) <= finalists:
             return kept._moved(kept._refine(config, hints))
         quick = kept._refine(config.quick(), replace(hints, pictures=()))
-        assert quick.error is not None
         ahead = quick.error.argsort(stable=True)[:finalists]
         final = kept._moved(quick).take(ahead)._refine(config, hints, kept.displacement[ahead])
-        displacement, scale, shift = quick.displacement.clone(), quick.scale.clone(), quick.shift.clone()
-        displacement[ahead], scale[ahead], shift[ahead] = final.displacement, final.scale, final.shift
+        displacement = quick.displacement.clone()
+        displacement[ahead] = final.displacement
         stopped = torch.ones(len(kept.model_ids), dtype=torch.bool)
         stopped[ahead] = False
-        return replace(kept._moved(Refined(displacement, scale, shift)), stopped=stopped)
-
-    def free_space_errors(self) -> Tensor:
-        """(C,) what speaks against each for filling space that the sensors looked through; unit box squared."""
-        if self.sensors is None:
-            return torch.zeros(len(self.model_ids))
-        return free_space_errors(self.deformed(), self.target, self.sensors)
+        return replace(kept, displacement=displacement, stopped=stopped)
 
     def _hints(self, config: RefineConfig) -> Hints:
         """What is known of the unseen part of a partial scan; nothing of a full one."""
@@ -169,15 +134,12 @@ class Candidates:
         return Hints(pictures, reflect(self.target, self.keypoints, pictures))
 
     def _refine(self, config: RefineConfig, hints: Hints, prior: Tensor | None = None) -> Refined:
-        start = Refined.in_fixed_box(self.displacement)
-        if self.scale is not None and self.shift is not None:
-            start = replace(start, scale=self.scale, shift=self.shift)
         return refine_candidates(
-            self.points, self.basis, start, self.target, self.confidence, config, self.partial, prior, hints
+            self.points, self.basis, self.displacement, self.target, self.confidence, config, self.partial, prior, hints
         )
 
     def _moved(self, refined: Refined) -> Candidates:
-        return replace(self, displacement=refined.displacement, scale=refined.scale, shift=refined.shift)
+        return replace(self, displacement=refined.displacement)
 
     def turned(self, rotation: Float[Tensor, "3 3"]) -> Candidates:
         """The same candidates for a scan turned by a small rotation about the middle of its unit box."""
@@ -199,8 +161,6 @@ class Candidates:
             points=_rows(self.points, rows),
             basis=_rows(self.basis, rows),
             displacement=self.displacement[rows],
-            scale=None if self.scale is None else self.scale[rows],
-            shift=None if self.shift is None else self.shift[rows],
             stopped=None if self.stopped is None else self.stopped[rows],
             structures=tuple(self.structures[row] for row in chosen) if self.structures else (),
             point_parts=None if self.point_parts is None else self.point_parts[chosen],

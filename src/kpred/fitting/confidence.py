@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from kpred.errors import ModelError
 from kpred.fitting.hypotheses import Hypothesis
 from kpred.fitting.upright import yaw_rotation
+from kpred.nn.calibration import Calibration
 from kpred.ops import nearest_neighbours
 from kpred.ops.sampling import at_even_steps
 from kpred.ops.typing import Float
@@ -29,6 +31,19 @@ SHAPE_POINTS = 512
 
 TEMPERATURE = 1.0
 """Scores of readings are divided by this before they are made probabilities."""
+
+FEATURES = (
+    "constant",
+    "log error",
+    "unexplained",
+    "seen",
+    "log-odds of category",
+    "log-odds of rotation",
+    "log box error",
+    "log change",
+    "recognizer's log-odds",
+)
+"""Names of `Evidence.features`, in order."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +85,19 @@ class Evidence:
         return np.array(numbers if self.odds is None else [*numbers, max(-8.0, min(8.0, self.odds))])
 
 
-def confidence(evidence: Evidence) -> float:
-    """Probability that category, yaw and surface of a result are right, by `WEIGHTS`."""
-    weights = WEIGHTS_WITHOUT_ODDS if evidence.odds is None else WEIGHTS
+def confidence(evidence: Evidence, calibration: Calibration | None = None) -> float:
+    """Compute the probability that category, yaw and surface of a result are right.
+
+    Args:
+        calibration: of the model; None takes `BUILT_IN`.
+
+    Raises:
+        ModelError: the calibration is of other features.
+    """
+    chosen = BUILT_IN if calibration is None else calibration
+    if chosen.features != FEATURES:
+        raise ModelError("The model's calibration.json is of another version; run `kpred train confidence` again.")
+    weights = np.array(chosen.weights_without_odds if evidence.odds is None else chosen.weights)
     return float(1.0 / (1.0 + math.exp(-float(np.clip(evidence.features() @ weights, -30, 30)))))
 
 
@@ -149,7 +174,12 @@ def _log_odds(probability: float) -> float:
     return math.log(clipped / (1 - clipped))
 
 
-WEIGHTS = np.array([-5.245, -0.272, -0.068, 0.206, 0.05, 0.099, -0.735, 0.0, 0.618])
-WEIGHTS_WITHOUT_ODDS = np.array([-7.305, -0.158, -0.159, 0.336, 0.18, 0.284, -1.292, 0.0])
-"""Of `Evidence.features`: logistic regressions on virtual scans of generated shapes (`scripts/calibrate_confidence.py`,
-120 of each category and of other things; half of them held out: calibration error 0.05, without odds 0.05)."""
+BUILT_IN = Calibration(
+    FEATURES,
+    (-5.245, -0.272, -0.068, 0.206, 0.05, 0.099, -0.735, 0.0, 0.618),
+    (-7.305, -0.158, -0.159, 0.336, 0.18, 0.284, -1.292, 0.0),
+    {},
+)
+"""Of models without a calibration of their own: of virtual scans of generated shapes, 120 of each category and of other
+things (`kpred train confidence`).
+"""

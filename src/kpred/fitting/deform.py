@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from kpred.fitting.candidates import Candidates
+from kpred.fitting.refine_config import Deform as Deform
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.visibility import Visibility
 from kpred.ops.typing import Float, Int
@@ -17,9 +18,7 @@ from kpred.ops.worksharing import share_out
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import COSTS, Distances, Step, distances, spacing
 from kpred.refinement.structure_config import StructureConfig
-from kpred.refinement.structure_fit import Evidence, StructureMap, StructureModel, fit_structure
-
-Deform = Literal["auto", "none", "scale", "structure", "free", "paper"]
+from kpred.refinement.structure_fit import Evidence, StructureMap, fit_structure
 
 PLACED_POINTS = 384
 """Points of model and scan by which undeformed models are placed."""
@@ -32,6 +31,11 @@ FINALISTS, FINALISTS_UNSEEN = 4, 6
 
 WHOLE = 0.95
 """Mean visibility from which on a scan counts as whole where candidates are compared."""
+
+FLOOR_WEIGHT, FLOOR_DOUBT = 1.0, 0.02
+"""Weight, beside the error, of the squared distance of the feet from a known floor; and how far they may be off it for
+nothing, since samples end above the feet; unit box.
+"""
 
 Value = TypeVar("Value")
 
@@ -193,7 +197,16 @@ class _Work:
         every = max(1, len(moved) // COMPARED_POINTS)
         visible = self.visibility(moved + 0.12 * self.models[row].normals)
         measured = distances(self.goal, self.spacing, moved, visible, every)
-        return Explanation(step, deformation, moved, measured, measured.log_error() + COSTS[step], placement)
+        error = np.exp(measured.log_error()) + self._floor_error(row, moved)
+        return Explanation(step, deformation, moved, measured, float(np.log(error)) + COSTS[step], placement)
+
+    def _floor_error(self, row: int, moved: np.ndarray) -> float:
+        """Charge a result that does not stand on the floor, where its height is known; unit box squared."""
+        feet = self.models[row].feet()
+        if self.evidence.floor is None or not feet.any():
+            return 0.0
+        gap = abs(float(feet @ moved[:, 1]) - self.evidence.floor)
+        return FLOOR_WEIGHT * max(gap - FLOOR_DOUBT, 0.0) ** 2
 
     def _placements(self, row: int) -> tuple[Placement, Placement]:
         """The undeformed model in one size, and in one size per axis."""

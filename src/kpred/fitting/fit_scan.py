@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -20,7 +21,8 @@ from kpred.fitting.pose import PoseEstimator
 from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.result import Fit, build_fit
 from kpred.fitting.selection import rank_candidates
-from kpred.fitting.stages import Context, align, clean as clean_points, find_up, propose_poses, read_points, try_poses
+from kpred.fitting.stages import Context, align, find_up, propose_poses, read_points, try_poses
+from kpred.fitting.stages import clean as clean_points
 from kpred.nn import Model
 from kpred.refinement.structure_config import StructureConfig
 
@@ -99,6 +101,8 @@ def fit(
     timer = Timer()
     with timer("load"):
         context = Context.load(model, database, category)
+        if model_id is not None and category is None:
+            context = replace(context, categories=(context.database.entry(model_id).category,))
     return run_fit(scan, context, options, timer)
 
 

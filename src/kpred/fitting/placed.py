@@ -22,6 +22,10 @@ OWN_SIZE = 0.06
 """A model whose placed size differs from its own by no more than this fraction has its own: scan noise is no larger."""
 
 
+RESIZED = 1.5
+"""A model that is placed larger or smaller than its own size by this factor is reported as resized."""
+
+
 @dataclass(frozen=True, eq=False)
 class PlacedModel:
     """Where an undeformed model of the database stands in the scan.
@@ -37,6 +41,11 @@ class PlacedModel:
     rotation: Float[np.ndarray, "3 3"]
     scale: Float[np.ndarray, "3"]
     own_size: bool
+
+    @property
+    def resized(self) -> bool:
+        """Whether it is far from its own size: by more than `RESIZED` along an axis."""
+        return bool(np.maximum(self.scale, 1.0 / self.scale).max() > RESIZED)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""Keypoint refinement compiled for the CPU: all rounds of one candidate in one go, candidates shared among threads.
+"""Keypoint refinement compiled for the CPU: all rounds of one candidate in one call, candidates on all threads.
 
-What `kpred.fitting.refine` does in plain torch, in the plain case: the box stays fixed, nothing is trimmed, no sensor
-is known. Tensors are so small there that torch spends most of the time between its operations.
+What `kpred.fitting.refine` does in plain torch, where no sensor is known. Tensors are so small there that torch spends
+most of the time between its operations.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from kpred.ops.worksharing import share_out
 def columns_and_guess(
     points: np.ndarray, basis: np.ndarray, network: np.ndarray, step: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What rounds work on, of every `step`-th point: `across` (C, K, n) and `guess` (C, n, 3) of `refine_compiled`.
+    """Compute `across` (C, K, n) and `guess` (C, n, 3) of `refine_compiled`, of every `step`-th point.
 
     Args:
         points: (C, N, 3); basis: (C, N, K); network: (C, K, 3) displacements of the keypoints; float32, unit box.
@@ -42,11 +42,11 @@ def _columns(points, basis, network, step, across, guess, first, last):
         for i in range(guess.shape[1]):
             x, y, z = points[c, i * step, 0], points[c, i * step, 1], points[c, i * step, 2]
             for k in range(basis.shape[2]):
-                share = basis[c, i * step, k]
-                across[c, k, i] = share
-                x += share * network[c, k, 0]
-                y += share * network[c, k, 1]
-                z += share * network[c, k, 2]
+                weight = basis[c, i * step, k]
+                across[c, k, i] = weight
+                x += weight * network[c, k, 0]
+                y += weight * network[c, k, 1]
+                z += weight * network[c, k, 2]
             guess[c, i, 0], guess[c, i, 1], guess[c, i, 2] = x, y, z
 
 
@@ -61,33 +61,32 @@ def refine_compiled(
     correction: np.ndarray,
     *,
     rounds: int,
-    asked_in_turn: int,
+    stride: int,
     robust: tuple[float, float, float],
     prior: float,
     partial: bool,
 ) -> np.ndarray:
-    """Improve corrections of the keypoints, in place; all arrays float32, unit box. Returns `Refined.error`, (C,).
+    """Improve corrections of the keypoints in place, float32, unit box, and return `Refined.error`, (C,).
 
     Args:
         across: (C, K, N) transposed deformation basis; guess: (C, N, 3) points without correction.
         goal: (1 or C, M, 3) the scan; mirrored: (R, 3) its mirror image, likely: (R,) how much each counts.
         held: (C, K, K) what holds the corrections, beside the prior; hold: (C, K) how much the prior holds each.
         correction: (C, K, 3) of the start, and of the result.
-        rounds, asked_in_turn: as `RefineConfig.iterations` and `kpred.fitting.refine.ASKED_IN_TURN`.
+        rounds: `RefineConfig.iterations`; stride: `kpred.fitting.refine.QUERY_STRIDE`.
         robust: squared multiples of the median distance for the scan's points (0: all count the same) and for mirrored
             ones, and the least squared scale.
-        prior: weight, as a share of the mean diagonal; partial: whether only the scan's points search.
+        prior: weight, as a fraction of the mean diagonal; partial: whether only the scan's points query.
     """
-
     error = np.empty(len(guess), np.float32)
 
     def some(first: int, last: int) -> None:
         _refine(
             across, guess, goal, mirrored, likely, held, hold, correction,
-            rounds, asked_in_turn, robust, prior, partial, error, first, last,
+            rounds, stride, robust, prior, partial, error, first, last,
         )  # fmt: skip
 
-    share_out(some, len(guess), len(guess) * rounds * guess.shape[1] * goal.shape[1] // asked_in_turn)
+    share_out(some, len(guess), len(guess) * rounds * guess.shape[1] * goal.shape[1] // stride)
     return error
 
 
@@ -95,7 +94,7 @@ def refine_compiled(
 @no_type_check
 def _refine(
     across, guess, goal, mirrored, likely, held, hold, correction,
-    rounds, asked_in_turn, robust, prior, partial, error, first, last,
+    rounds, stride, robust, prior, partial, error, first, last,
 ):  # fmt: skip
     count, points, images = across.shape[1], guess.shape[1], len(mirrored)
     moved = np.empty((points, 3), np.float32)
@@ -105,12 +104,12 @@ def _refine(
         scan = goal[c if len(goal) > 1 else 0]
         for step in range(rounds):
             _move(across[c], guess[c], correction[c], moved)
-            turn = step % asked_in_turn
+            offset = step % stride
             sums[:] = 0
-            asked = scan[turn::asked_in_turn]
-            size = len(asked)
+            queries = scan[offset::stride]
+            size = len(queries)
             searched = np.empty((size + images, 3), np.float32)
-            searched[:size] = asked
+            searched[:size] = queries
             searched[size:] = mirrored
             squared, index = nearest_of_one(searched, moved)
             error[c] = squared[:size].mean()
@@ -118,8 +117,8 @@ def _refine(
             _weigh(squared, size, robust, likely, weight[0])
             add_wanted(sums, searched.reshape(1, size + images, 3), weight, index.reshape(1, -1), _none())
             if not partial:
-                rows = np.arange(turn, points, asked_in_turn)
-                squared, index = nearest_of_one(moved[turn::asked_in_turn].copy(), scan)
+                rows = np.arange(offset, points, stride)
+                squared, index = nearest_of_one(moved[offset::stride].copy(), scan)
                 error[c] += squared.mean()
                 weight = np.empty((1, len(rows)), np.float32)
                 _weigh(squared, len(rows), robust, likely[:0], weight[0])
@@ -154,13 +153,13 @@ def _weigh(squared, size, robust, likely, weight):
     """Weights of `size` points, which add up to about 1, and of their mirror images behind them."""
     multiple, stray, least = robust
     scan = squared[:size].reshape(1, -1)
-    share = np.empty((1, size), np.float32)
+    of_scan = np.empty((1, size), np.float32)
     if multiple > 0:
-        robust_weights(scan, multiple, least, share)
+        robust_weights(scan, multiple, least, of_scan)
     else:
-        share[:] = 1
+        of_scan[:] = 1
     for i in range(size):
-        weight[i] = share[0, i] / size
+        weight[i] = of_scan[0, i] / size
     if len(likely):
         # The scale of mirrored points is by the median of the scan's.
         scale = np.float32(ranked(scan[0].copy(), (size - 1) // 2) * stray + least)

@@ -145,6 +145,7 @@ class Fit:
                 "rotation": self.placement.rotation.tolist(),
                 "scale": self.placement.scale.tolist(),
                 "own_size": self.placement.own_size,
+                "resized": self.placement.resized,
             },
             "cleanliness": self.cleanliness.to_json(),
             "evidence": self.evidence.__dict__,

@@ -179,8 +179,8 @@ def try_poses(scan: CleanScan, readings: Sequence[Reading], context: Context, op
 
 
 def align(tried: Tried, context: Context, options: FitOptions) -> Tried:
-    """Turn the best hypothesis by the small yaw that its undeformed candidates still lack."""
-    if options.known:
+    """Turn the best hypothesis by the small yaw that its undeformed candidates still lack, unless the pose is given."""
+    if options.known or options.pose is not None:
         return tried
     yaw = _missing_yaw(tried.best.candidates, tried.visibility)
     if abs(yaw) < MIN_YAW:

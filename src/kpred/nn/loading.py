@@ -17,6 +17,7 @@ from safetensors.torch import load_file, save_file
 from torch import nn
 
 from kpred.errors import ConfigError, ModelError, OutputError
+from kpred.nn.calibration import Calibration, load_calibration
 from kpred.nn.config import ModelConfig
 from kpred.nn.model import KPRed
 from kpred.nn.recognizer import Recognizer, RecognizerConfig
@@ -43,12 +44,14 @@ class Model(Mapping[str, KPRed]):
 
     `recognizer` tells category and yaw of a scan, where the model has one; without it both are found by fitting.
     `visibility` predicts where a scanner would have seen surface, where the model has such a network.
+    `calibration` turns evidence into confidence; None takes that of the bundled model.
     """
 
     name: str
     networks: dict[str, KPRed]
     recognizer: Recognizer | None = None
     visibility: VisibilityNetwork | None = None
+    calibration: Calibration | None = None
 
     def __getitem__(self, category: str) -> KPRed:
         """The category's networks.
@@ -103,7 +106,7 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     """Load weights: None or a name in `BUNDLED` for those of the package, else a folder, else a repository on the Hub.
 
     A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there are
-    any, `recognizer` and `visibility`.
+    any, `recognizer`, `visibility` and calibration.json.
 
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
@@ -121,7 +124,7 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
             folder = _from_hub(name)
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)
-        return Model(name, {network.config.category: network})
+        return Model(name, {network.config.category: network}, calibration=load_calibration(folder))
     common = (RECOGNIZER, VISIBILITY)
     parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file() and part.name not in common)
     if not parts:
@@ -133,6 +136,7 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
         networks,
         load_recognizer(folder / RECOGNIZER, device) if with_recognizer else None,
         load_visibility(folder / VISIBILITY, device) if with_visibility else None,
+        load_calibration(folder),
     )
 
 

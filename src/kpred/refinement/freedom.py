@@ -10,8 +10,11 @@ from kpred.refinement.structure_basis import StructureBasis
 MIN_GROWTH, MAX_GROWTH = 0.25, 4.0
 """Least and largest factor by which a part's side may shrink or grow."""
 
+MIN_SLOPE, MAX_SLOPE = 0.15, 6.0
+"""Least and largest slope of the map that all parts share."""
+
 SLENDER = 1.5
-"""A part leans along an axis if it is so many times longer along it than across."""
+"""A part leans and bends along an axis if it is so many times longer along it than across."""
 
 
 def part_boxes(basis: StructureBasis) -> Float[np.ndarray, "parts 13"]:
@@ -32,6 +35,28 @@ def oblique(basis: StructureBasis) -> Int[np.ndarray, " parts"]:
     return found
 
 
+def spline_spans(basis: StructureBasis) -> Int[np.ndarray, "parts 3 2"]:
+    """List the first and last control that act on each part as they are; -1 where only the spline's chord does."""
+    spacing = (basis.high - basis.low) / (basis.controls - 2)
+    low, high = basis.middle - basis.half, basis.middle + basis.half
+    # Control k acts on cells k - 2 to k.
+    first = np.floor((low - basis.low) / spacing).astype(np.int64)
+    last = np.floor((high - basis.low) / spacing).astype(np.int64) + 2
+    found = np.clip(np.stack([first, last], axis=2), 0, basis.controls - 1)
+    for part, axis, start, end in basis.structure.affine_ranges:
+        one, along = int(part), int(axis)
+        if start <= low[one, along] + 1e-6 and end >= high[one, along] - 1e-6:
+            found[one, along] = -1
+    found[basis.structure.ends_only] = -1
+    return found
+
+
+def spline_slopes(basis: StructureBasis) -> Float[np.ndarray, "3 3"]:
+    """List the lowest and highest increment of the controls along each axis, and the spacing of the knots."""
+    spacing = (basis.high - basis.low) / (basis.controls - 2)
+    return np.stack([(MIN_SLOPE - 1) * spacing, (MAX_SLOPE - 1) * spacing, spacing], axis=1)
+
+
 def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
     """List leans of each group in x, y and z: 0 impossible, 1 where the scan shows it, 2 free since it is oblique."""
     structure = basis.structure
@@ -41,24 +66,28 @@ def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
     # What is its own mirror image leans neither to a side nor along one.
     each[own, 0] = 0
     each[own & (basis.lean_axis[:, 1] == 0), 1] = 0
-    found = np.zeros((int(basis.group.max()) + 1, 3), np.int64)
-    found[basis.group[::-1]] = each[::-1]
-    return found
+    return _of_groups(basis, each)
 
 
 def possible_bends(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
     """List bends of each group in x, y and z: 1 for curved parts, unless symmetry forbids it."""
-    each = np.repeat(basis.structure.curved.astype(np.int64)[:, None], 3, axis=1)
+    along = np.take_along_axis(basis.half, basis.lean_axis, axis=1)
+    each = (basis.structure.curved[:, None] & (along >= SLENDER * basis.half)).astype(np.int64)
     each[_mirrors_itself(basis), 0] = 0
-    found = np.zeros((int(basis.group.max()) + 1, 3), np.int64)
-    found[basis.group[::-1]] = each[::-1]
-    return found
+    return _of_groups(basis, each)
 
 
 def growth_limits(basis: StructureBasis) -> Float[np.ndarray, "parts 3 3"]:
     """List the lowest and highest growth of each part's sides, and their half side; unit box."""
     half = basis.half
     return np.stack([2 * half * (MIN_GROWTH - 1), 2 * half * (MAX_GROWTH - 1), half], axis=2)
+
+
+def _of_groups(basis: StructureBasis, each: np.ndarray) -> np.ndarray:
+    """What all parts of a group may do."""
+    found = np.full((int(basis.group.max()) + 1, 3), 2, np.int64)
+    np.minimum.at(found, basis.group, each)
+    return found
 
 
 def _mirrors_itself(basis: StructureBasis) -> np.ndarray:

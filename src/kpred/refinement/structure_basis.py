@@ -80,7 +80,11 @@ class StructureBasis:
         """Compute the columns of points of the given parts: of f, and of t, s, l and b; float32, unit box."""
         spline = np.empty((3, self.controls, len(points)), np.float32)
         for axis in range(3):
-            spline[axis] = self._spline(points[:, axis], parts, axis).T
+            spline[axis] = self._chords(points[:, axis], parts, axis, self._spline(points[:, axis], parts, axis)).T
+        return spline, self._own(points, parts)
+
+    def _own(self, points: np.ndarray, parts: np.ndarray) -> np.ndarray:
+        """(3, KINDS, N) columns of the parts' own unknowns."""
         local = (points - self.middle[parts]) / self.half[parts]
         mirrored = local.copy()
         mirrored[:, 0] *= self.sign[parts]
@@ -91,15 +95,19 @@ class StructureBasis:
         own[:, 3] = along**2 - 1 / 3
         # Along x, parts that mirror each other move against each other.
         own[0] *= self.sign[parts]
-        return spline, own
+        return own
 
     def rows(
         self, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
     ) -> Float[np.ndarray, "3 points unknowns"]:
-        """The same columns as dense rows over all unknowns."""
-        spline, own = self.columns(points, parts)
+        """The same columns as dense rows over all unknowns, with f itself where a part follows it at its ends alone.
+
+        So that parts may slide along one another as f takes them.
+        """
+        own = self._own(points, parts)
         found = np.zeros((3, len(points), self.controls + KINDS * (int(self.group.max()) + 1)))
-        found[:, :, : self.controls] = spline.transpose(0, 2, 1)
+        for axis in range(3):
+            found[axis, :, : self.controls] = self._spline(points[:, axis], parts, axis)
         index = np.arange(len(points))
         for kind in range(KINDS):
             found[:, index, self.controls + KINDS * self.group[parts] + kind] = own[:, kind]
@@ -117,6 +125,18 @@ class StructureBasis:
                 ends = spline_weights(np.array([first, last]), low, high, self.controls)
                 fraction = ((place[inside] - first) / (last - first))[:, None]
                 found[inside] = (1 - fraction) * ends[0] + fraction * ends[1]
+        return found
+
+
+    def _chords(self, place: np.ndarray, parts: np.ndarray, axis: int, weights: np.ndarray) -> np.ndarray:
+        """The same weights with those of parts that have vertices at their ends alone interpolated between these."""
+        found, low, high = weights.copy(), self.middle - self.half, self.middle + self.half
+        everyone = np.arange(len(self.middle))
+        ends = [self._spline(side[:, axis], everyone, axis) for side in (low, high)]
+        mine = np.flatnonzero(self.structure.ends_only[parts, axis])
+        part = parts[mine]
+        fraction = ((place[mine] - low[part, axis]) / (2 * self.half[part, axis]))[:, None]
+        found[mine] = (1 - fraction) * ends[0][part] + fraction * ends[1][part]
         return found
 
 
@@ -166,6 +186,9 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
     stiff[:controls, :controls] = config.smoothness * second.T @ second + config.ridge * np.eye(controls)
     own = np.arange(controls, size)
     stiff[own, own] = config.part_ridge
+    for part in range(structure.parts):
+        grow = controls + KINDS * basis.group[part] + 1
+        stiff[grow, grow] += config.growth_ridge / basis.half[part, axis] ** 2
     if len(structure.contact_points):
         rows = [basis.rows(structure.contact_points, structure.contact_parts[:, side])[axis] for side in (0, 1)]
         gap = rows[0] - rows[1]

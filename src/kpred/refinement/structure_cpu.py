@@ -20,6 +20,15 @@ KINDS = 4
 RIGID = 1e3
 """Weight that holds an unknown at 0."""
 
+RELAXATION = 2.0
+"""Length of a step beyond what the matches of one round ask for."""
+
+STIFFER = (1e-3, 1e-2, 1e-1, 1.0, 1e2)
+"""Weights of second differences that are tried, one after the other, until a spline is monotone."""
+
+FLATTEST = 0.1
+"""Least slope of a map along an axis: it is monotone, so that nothing folds."""
+
 MIN_PIVOT = 1e-12
 LINEAR = 0.5
 """Fraction of what is off along an axis that a lean must explain."""
@@ -31,7 +40,7 @@ SEEN = 0.3
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def fit_rounds(
-    spline, own, bounds, group, boxes, lean_axis, points, start, visible, held, goal, stiff, growth, limits, can_lean, can_bend,
+    spline, own, bounds, group, boxes, lean_axis, points, start, visible, held, goal, stiff, growth, limits, spans, slopes, can_lean, can_bend,
     feet, floor, rounds, robust, minimum, lean_gain, solution, moved,
 ):  # fmt: skip
     """Fills `solution` (3, U) and `moved` (N, 3); points are sorted by part.
@@ -54,6 +63,7 @@ def fit_rounds(
     wanted = np.empty((count, 4), np.float32)
     normal = np.empty((unknowns, unknowns))
     right = np.empty(unknowns)
+    before, pull = np.empty((unknowns, unknowns)), np.empty(unknowns)
     weighted = np.empty(count, np.float32)
     residual = np.empty(count, np.float32)
     leaning = can_lean == 2
@@ -85,10 +95,20 @@ def fit_rounds(
                     normal[controls + KINDS * g + 2, controls + KINDS * g + 2] += RIGID
                 if not can_bend[g, axis]:
                     normal[controls + KINDS * g + 3, controls + KINDS * g + 3] += RIGID
+            before[:], pull[:] = normal, right
             _solve(normal, right)
+            for smoother in STIFFER:
+                if not _folds(right, spans, axis, slopes[axis]):
+                    break
+                # A stiffer spline folds less, and tends to an affine map.
+                normal[:], right[:] = before, pull
+                _stiffen(normal, controls, smoother)
+                _solve(normal, right)
+            # Matches follow a step only in part, so that a longer one converges in fewer rounds.
+            ahead = RELAXATION if 0 < turn < rounds - 2 else 1.0
             for j in range(unknowns):
-                solution[axis, j] = right[j]
-        _bound(solution, growth, limits, group, controls)
+                solution[axis, j] += ahead * (right[j] - solution[axis, j])
+        _bound(solution, growth, limits, spans, slopes, group, controls)
         apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution, growth, limits, moved)
 
 
@@ -152,9 +172,11 @@ def _assemble(spline, own, bounds, group, weight, residual, controls, normal, ri
     right[:] = 0.0
     scaled = np.empty(count, np.float32)
     for k in range(controls):
-        total = np.float32(0)
+        # Sums apart from stores: one loop of both would add in another order where memory lies otherwise.
         for i in range(count):
             scaled[i] = spline[k, i] * weight[i]
+        total = np.float32(0)
+        for i in range(count):
             total += spline[k, i] * residual[i]
         right[k] = total
         for j in range(k + 1):
@@ -171,9 +193,10 @@ def _assemble(spline, own, bounds, group, weight, residual, controls, normal, ri
     for part in range(len(bounds) - 1):
         first = controls + KINDS * group[part]
         for kind in range(KINDS):
-            total = np.float32(0)
             for i in range(bounds[part], bounds[part + 1]):
                 scaled[i] = own[kind, i] * weight[i]
+            total = np.float32(0)
+            for i in range(bounds[part], bounds[part + 1]):
                 total += own[kind, i] * residual[i]
             right[first + kind] += total
             for other in range(kind + 1):
@@ -207,8 +230,32 @@ def _solve(normal, right):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _bound(solution, growth, limits, group, controls):
-    """Clips each part's own growth so that its box neither vanishes nor turns inside out."""
+def _folds(values, spans, axis, slope):
+    """Whether an increment of the spline's controls is beyond its bounds where it acts on a part as it is."""
+    for part in range(len(spans)):
+        if spans[part, axis, 0] >= 0:
+            for k in range(spans[part, axis, 0], spans[part, axis, 1]):
+                step = values[k + 1] - values[k]
+                if step < slope[0] or step > slope[1]:
+                    return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _stiffen(normal, controls, weight):
+    """Adds the square of second differences of the spline's controls to the lower half of `normal`."""
+    for k in range(controls - 2):
+        for i in range(3):
+            for j in range(i + 1):
+                sign = -2.0 if i == 1 or j == 1 else 1.0
+                normal[k + i, k + j] += weight * (4.0 if i == 1 and j == 1 else sign)
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _bound(solution, growth, limits, spans, slopes, group, controls):
+    """Clips each part's own growth so that its box neither vanishes nor turns inside out, nor folds anywhere in it."""
     for part in range(len(group)):
         grow = controls + KINDS * group[part] + 1
         for axis in range(3):
@@ -217,6 +264,15 @@ def _bound(solution, growth, limits, group, controls):
                 solution[axis, grow] += (limits[part, axis, 0] - grown) / 2
             elif grown > limits[part, axis, 1]:
                 solution[axis, grow] += (limits[part, axis, 1] - grown) / 2
+            if spans[part, axis, 0] >= 0:
+                least = 1e30
+                for k in range(spans[part, axis, 0], spans[part, axis, 1]):
+                    least = min(least, solution[axis, k + 1] - solution[axis, k])
+                # Slope of the spline and of the part's own growth together, in units of the bound.
+                spacing = slopes[axis, 2]
+                slope = least / spacing + solution[axis, grow] / limits[part, axis, 2]
+                if slope < FLATTEST - 1.0:
+                    solution[axis, grow] += (FLATTEST - 1.0 - slope) * limits[part, axis, 2]
 
 
 @numba.njit(cache=True, nogil=True)

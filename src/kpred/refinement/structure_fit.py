@@ -8,7 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kpred.ops.typing import Float, Int
-from kpred.refinement.freedom import growth_limits, part_boxes, possible_bends, possible_leans
+from kpred.refinement.freedom import (
+    growth_limits,
+    part_boxes,
+    possible_bends,
+    possible_leans,
+    spline_slopes,
+    spline_spans,
+)
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_cpu import apply_columns, fit_rounds
@@ -98,7 +105,14 @@ class StructureModel:
     ) -> StructureModel:
         """Set up a model of this structure; all in its unit box."""
         basis = structure_basis(structure, config)
-        freedom = (growth_limits(basis), possible_leans(basis), possible_bends(basis), part_boxes(basis))
+        freedom = (
+            growth_limits(basis),
+            part_boxes(basis),
+            spline_spans(basis),
+            spline_slopes(basis),
+            possible_leans(basis),
+            possible_bends(basis),
+        )
         return cls(basis, points, parts, normals, freedom)
 
     def moved(self, found: StructureMap) -> Float[np.ndarray, "points 3"]:
@@ -106,7 +120,7 @@ class StructureModel:
         columns, basis = self.columns(1), self.basis
         result = np.empty_like(columns.points)
         apply_columns(
-            columns.spline, columns.own, columns.bounds, basis.group, self._freedom[3], basis.lean_axis, columns.points,
+            columns.spline, columns.own, columns.bounds, basis.group, self._freedom[1], basis.lean_axis, columns.points,
             found.solution, basis.growth, self._freedom[0], result,
         )  # fmt: skip
         ordered = np.empty_like(result)
@@ -165,7 +179,7 @@ def fit_structure(
     solution = np.zeros((3, basis.unknowns))
     moved = np.empty_like(columns.points)
     weight = 0.0 if evidence.floor is None else config.floor
-    limits, leans, bends, boxes = model._freedom
+    limits, boxes, spans, slopes, leans, bends = model._freedom
     fit_rounds(
         columns.spline,
         columns.own,
@@ -181,6 +195,8 @@ def fit_structure(
         stiff,
         basis.growth,
         limits,
+        spans,
+        slopes,
         leans,
         bends,
         weight * model.feet()[columns.order] * step,

@@ -29,7 +29,7 @@ class VisibilityTraining(SingleStageConfig):
         rotated: fraction of scans at any yaw; the others are rotated by up to 10 degrees.
     """
 
-    optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=24))
+    optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=24, learning_rate=2e-3))
     points: int = 512
     min_points: int = 200
     queries: int = 240

@@ -67,6 +67,7 @@ def _structure(vertices: np.ndarray, faces: np.ndarray, mirrored: list[int] | No
         contact_points=((low + high) / 2)[touching[:, 0], touching[:, 1]].reshape(-1, 3),
         mirror=float("nan") if mirrored is None else 0.0,
         mirrored_parts=np.full(count, -1) if mirrored is None else np.array(mirrored),
+        ends_only=np.ones((count, 3), bool),
     )
 
 

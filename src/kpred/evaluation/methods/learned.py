@@ -1,20 +1,21 @@
-"""KP-RED as a method: retrieval by tokens, deformation by keypoints, with or without refinement."""
+"""KP-RED as a method: retrieval by tokens, deformation by keypoints, with or without refinement, or by structure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from kpred.database import Database
+from kpred.evaluation.known_frame import retrieve_for
 from kpred.evaluation.methods.method import Explanation, Searcher
 from kpred.evaluation.methods.sources import Sources
-from kpred.fitting import RefineConfig
-from kpred.fitting.candidates import retrieve
-from kpred.fitting.choice import order
-from kpred.fitting.observation import observe
-from kpred.nn import KPRed, Model
+from kpred.fitting.deform import Deform, deform_candidates
+from kpred.fitting.options import FitOptions
+from kpred.fitting.selection import rank_candidates
+from kpred.fitting.stages import Context
+from kpred.nn import Model
 
 
 @dataclass(frozen=True)
@@ -22,36 +23,39 @@ class KpRedMethod:
     """Trained networks of this package, of any preset; what is measured is what `kpred.fit` does in the known frame.
 
     Attributes:
-        refinement: how keypoints are refined; None measures the networks' own keypoints (the published protocol).
+        deform: how far models are changed, as `kpred.fit` takes it; `paper` measures the networks' own keypoints and
+            takes the lowest error (the published protocol).
     """
 
     name: str
     model: Model
-    refinement: RefineConfig | None = None
+    deform: Deform = "paper"
     ranked: bool = True
 
     def over(self, sources: Sources) -> Searcher:
         """See `Method`."""
         network = self.model[sources.category]
-        return _KpRed(network, sources.database(self.model), sources.category, self.refinement)
+        context = Context(self.model, sources.database(self.model), (network.config.category,))
+        return _KpRed(context, self.deform)
 
 
 @dataclass(frozen=True)
 class _KpRed:
-    network: KPRed
-    database: Database
-    category: str
-    refinement: RefineConfig | None
+    context: Context
+    deform: Deform
 
     def explain(self, target: Tensor, top_k: int, partial: bool) -> Explanation:
-        observation = observe(target[None], self.network, partial)
-        found = retrieve(observation, 0, self.database, self.category, top_k, partial)
-        if self.refinement is None:
-            return Explanation(found.model_ids, found.deformed())
-        refined = found.refined(self.refinement, torch.arange(len(found.model_ids)))
-        # A refined partial scan's result is chosen as a fit chooses it.
+        options = FitOptions(top_k=top_k, frame="known", deform=self.deform, partial=partial, clean=False)
+        tried = retrieve_for(target, self.context, options)
+        candidates = tried.best.candidates
+        if self.deform == "paper":
+            return Explanation(candidates.model_ids, candidates.deformed())
+        deformed = deform_candidates(candidates, tried.visibility, self.deform)
+        points = torch.from_numpy(np.stack([one.points for one in deformed.explanations]))
+        ranking = rank_candidates(deformed)
         return Explanation(
-            refined.model_ids,
-            refined.deformed(),
-            lambda errors: order(refined.take(torch.arange(len(errors))), errors)[0],
+            candidates.model_ids,
+            points,
+            # Of the first few, the one that a fit ranks highest.
+            lambda errors: next(row for row in ranking if row < len(errors)),
         )

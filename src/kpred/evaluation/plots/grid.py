@@ -103,7 +103,7 @@ def _results(
     cloud = _cloud(target, config).numpy().astype(np.float64)
     options: dict[str, Any] = {"frame": "known", "category": pack.category, "partial": config.occlusion > 0}
     refined = tried(cloud, how, **options)
-    plain = tried(cloud, how, refine=False, **options) if config.feed_forward else None
+    plain = tried(cloud, how, deform="paper", **options) if config.feed_forward else None
     if isinstance(refined, str):
         report(f"no result: {target.model_id}: {refined}")
         return [None] * (3 if config.feed_forward else 2)
@@ -114,7 +114,7 @@ def _results(
 
 
 def _error(found: Fit) -> str:
-    return f"{found.source.final_error:.5f}"
+    return f"{found.source.error:.5f}"
 
 
 def _points(points: Float[np.ndarray, "points 3"]) -> np.ndarray:

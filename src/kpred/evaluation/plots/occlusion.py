@@ -34,7 +34,10 @@ def occlusion_figure(tables: Sequence[Table], methods: Sequence[str], whole: boo
         for table in tables
         for dataset in table.datasets()
         for category in table.categories(dataset)
-        if any(series.method in wanted and series.protocol == "partial" for series in table.series(dataset))
+        if any(
+            series.method in wanted and series.protocol == "partial" and series.is_error
+            for series in table.series(dataset)
+        )
     }
     if not places:
         raise ConfigError(
@@ -72,7 +75,7 @@ def _draw(
     curves: dict[str, list[tuple[float, float, float, float]]] = {}
     for table in tables:
         for series in table.series(dataset):
-            if series.method not in wanted or series.protocol != "partial":
+            if not _is_curve(series, wanted):
                 continue
             cell = table.cell(series, dataset, category)
             if cell is not None:
@@ -87,6 +90,10 @@ def _draw(
     axes.set_ylim(bottom=0)
     axes.grid(color="#dddddd", linewidth=0.5)
     axes.tick_params(labelsize=7)
+
+
+def _is_curve(series: Series, wanted: Sequence[str]) -> bool:
+    return series.method in wanted and series.protocol == "partial" and series.is_error
 
 
 def _name(series: Series) -> str:

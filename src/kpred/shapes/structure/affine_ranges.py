@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kpred.ops.typing import Float
+from kpred.ops.typing import Bool, Float
 
 OBLIQUE = np.sin(np.radians(1.5))
 """Components of a unit normal below this count as none."""
@@ -36,4 +36,12 @@ def affine_ranges(
         breaks = np.flatnonzero(starts[1:] > ends[:-1] + _JOINED) + 1
         for run in np.split(np.arange(len(order)), breaks):
             found.append((axis, float(starts[run[0]]), float(ends[run[-1]])))
+    return found
+
+
+def ends_only(vertices: Float[np.ndarray, "vertices 3"]) -> Bool[np.ndarray, "3"]:
+    """Mark the axes along which a part has vertices at its two ends alone, as a board has: any map stretches it."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    inside = (vertices > low + _JOINED) & (vertices < high - _JOINED)
+    found: np.ndarray = ~inside.any(axis=0)
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kpred.ops.typing import Float, Int
-from kpred.shapes.structure.affine_ranges import affine_ranges
+from kpred.shapes.structure.affine_ranges import affine_ranges, ends_only
 from kpred.shapes.structure.contacts import contacts
 from kpred.shapes.structure.facets import planar_facets
 from kpred.shapes.structure.own_axes import own_axes
@@ -38,6 +38,7 @@ def find_structure(
     low, high = corners.min(axis=1), corners.max(axis=1)
     axes, boxes = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 2, 3))
     curved, area, ranges = np.zeros(count, bool), np.zeros(count), []
+    ends = np.zeros((count, 3), bool)
     for part in range(count):
         mine, own = np.flatnonzero((face_parts == part) & (doubled > 0)), place[part_of == part]
         areas, planar = doubled[mine] / 2, (facets[mine] >= 0).astype(np.float64)
@@ -45,6 +46,7 @@ def find_structure(
         curved[part] = float((areas * planar).sum()) < 0.5 * area[part]
         axes[part] = own_axes(normals[mine], areas, planar, own)
         local = own @ axes[part].T
+        ends[part] = ends_only(own)
         boxes[part] = local.min(axis=0), local.max(axis=0)
         if (axes[part] == np.eye(3)).all():
             found = affine_ranges(normals[mine], low[mine], high[mine])
@@ -69,5 +71,6 @@ def find_structure(
         contact_points=where,
         mirror=mirror,
         mirrored_parts=partners,
+        ends_only=ends,
         affine_ranges=np.array(ranges, dtype=np.float64).reshape(-1, 4),
     )

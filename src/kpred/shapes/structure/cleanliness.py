@@ -43,7 +43,7 @@ class Cleanliness:
         part_box: RMS distance of parts to rotated copies of the source's, scaled along their own axes, mean by area;
             part_shear: degrees by which their own axes are no longer square, the worst pair of each part, likewise.
             Curved parts are left out.
-        contact_gap, contact_gap_95: distance between where the two parts at a contact point have moved it.
+        contact_gap, contact_gap_95: gap that opened at contact points; parts that slid along each other have none.
         folded_faces: number of faces that point backwards against the movement of their part.
         dihedral_change: degrees by which dihedral angles changed at edges of two faces, mean by length.
     """
@@ -93,9 +93,12 @@ def measure_cleanliness(
     extents = own_extents(before, structure.vertex_parts, structure.axes)
     face_parts = structure.vertex_parts[faces[:, 0]]
     rigid = np.where(structure.curved, 0.0, np.bincount(face_parts, frames[0].areas, structure.parts))
-    boxes = box_residuals(before, after, structure.vertex_parts, structure.axes, maps)
+    residuals = box_residuals(before, after, structure.vertex_parts, structure.axes, maps)
     shears = measure_shears(maps, structure.axes, extents)
-    gaps = _contact_gaps(maps, (structure.contact_points - low) / size, structure.contact_parts)
+    boxes = (structure.boxes - np.einsum("ckj,j->ck", structure.axes, low)[:, None]) / size
+    gaps = _contact_gaps(
+        maps, (structure.contact_points - low) / size, structure.contact_parts, structure.axes, boxes
+    )
     flat = np.asarray((extents <= MIN_EXTENT).any(axis=1))
     return Cleanliness(
         flatness=facets.flatness,
@@ -106,7 +109,7 @@ def measure_cleanliness(
         axis_tilt=facets.axis_tilt,
         axis_tilt_95=facets.axis_tilt_95,
         mirror=_asymmetry(before, after, (structure.mirror - low[0]) / size, structure),
-        part_box=weighted_mean(boxes, rigid),
+        part_box=weighted_mean(residuals, rigid),
         part_shear=weighted_mean(shears, rigid),
         contact_gap=weighted_mean(gaps, np.ones(len(gaps))),
         contact_gap_95=weighted_quantile(gaps, np.ones(len(gaps)), 0.95),
@@ -178,7 +181,25 @@ def _mirror_rms(vertices: np.ndarray, one: np.ndarray, other: np.ndarray) -> flo
     return float(np.sqrt((apart**2).sum(axis=1).mean()))
 
 
-def _contact_gaps(maps: PartMaps, points: np.ndarray, parts: Int[np.ndarray, "contacts 2"]) -> np.ndarray:
-    """Distances between the images of contact points under the maps of their two parts."""
-    gaps: np.ndarray = np.linalg.norm(maps.carry(points, parts[:, 0]) - maps.carry(points, parts[:, 1]), axis=1)
-    return gaps
+def _contact_gaps(
+    maps: PartMaps, points: np.ndarray, contacts: Int[np.ndarray, "contacts 2"], axes: np.ndarray, boxes: np.ndarray
+) -> np.ndarray:
+    """Growth of the gap at each contact point: from where one part carries it to the other part's deformed box.
+
+    Parts may slide along one another: there is no gap as long as they touch. `boxes` are in the frame of the points.
+    """
+    found = []
+    for one, other in ((0, 1), (1, 0)):
+        mine, part = contacts[:, one], contacts[:, other]
+        carried = maps.carry(points, mine)
+        inverse = np.linalg.pinv(maps.linear[part])
+        back = np.einsum("pij,pj->pi", inverse, carried - maps.result_means[part]) + maps.source_means[part]
+        gaps = []
+        for place, target in ((back, carried), (points, points)):
+            local = np.einsum("pkj,pj->pk", axes[part], place)
+            inside = np.einsum("pkj,pk->pj", axes[part], np.clip(local, boxes[part, 0], boxes[part, 1]))
+            nearest = maps.carry(inside, part) if target is carried else inside
+            gaps.append(np.linalg.norm(nearest - target, axis=1))
+        found.append(np.maximum(gaps[0] - gaps[1], 0.0))
+    smallest: np.ndarray = np.minimum(*found)
+    return smallest

@@ -61,7 +61,7 @@ def face_frames(
 
 
 def edge_numbers(corners: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, " halfedges"]:
-    """Number the edge that each half-edge lies on, by the welded corners of the faces; -1 for edges of no length.
+    """Number the edge of each half-edge by the welded corners of the faces; -1 for no length.
 
     Numbers are equal where the ends are, in either order; they are neither consecutive nor in any order.
     """
@@ -75,7 +75,7 @@ def edge_numbers(corners: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, " halfe
 def pairs_in_groups(
     groups: Int[np.ndarray, " items"], keys: Float[np.ndarray, " items"], reach: int
 ) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
-    """Find pairs of items of one group, by index, that are at most `reach` ranks apart when sorted by a key.
+    """Find pairs of items of one group, by index, at most `reach` ranks apart when sorted by key.
 
     All pairs of groups of up to `reach` + 1 items; of larger ones those of similar keys, so that the number of pairs is
     linear. Items of negative groups are left out.

@@ -67,21 +67,21 @@ def weld(vertices: Float[np.ndarray, "vertices 3"], tolerance: float) -> Int[np.
 def planar_facets(
     vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> Int[np.ndarray, " faces"]:
-    """Number the planar facet of each face from 0 in order of appearance; -1 for curved surfaces and for no area.
+    """Number the planar facet of each face from 0 in order of appearance; -1 for curved surfaces.
 
     A facet is a largest set of coplanar faces that welded edges connect; winding does not matter. It is curved if it
     continues smoothly on at least two sides, at bends of up to `SMOOTH_ANGLE` towards facets that are not much
     narrower: the strips of a cylinder do, a plane beside its narrow fillet does not. So are the first and last strips
     of a curved surface, which continue towards such a facet on one side only; two planes that meet in one small bend
-    are planar. A face without area belongs to the facet that it lies beside.
+    are planar. A face without area belongs to the facet that it lies beside, if any, else to none (-1).
     """
     if not len(faces):
         return np.zeros(0, np.int64)
     corners = vertices[faces.reshape(-1)].astype(np.float64)
-    low, size = corners.min(axis=0), float(np.ptp(corners, axis=0).max())
+    size = float(np.ptp(corners, axis=0).max())
     if not 0 < size < np.inf:
         return np.full(len(faces), -1, np.int64)
-    scaled = (vertices - low) / size
+    scaled = vertices.astype(np.float64) / size
     frames = face_frames(scaled, faces, WELD_TOLERANCE)
     edges = edge_numbers(weld(scaled, WELD_TOLERANCE)[faces])
     normals = _adopted_normals(frames, edges)

@@ -98,14 +98,12 @@ def box_residuals(
     axes: Float[np.ndarray, "parts 3 3"],
     maps: PartMaps,
 ) -> Float[np.ndarray, " parts"]:
-    """Compute the RMS distance of each part to its best rotated copy, scaled along its own axes, unit of the result."""
+    """Compute the RMS distance of each part to its best rotated, axis-scaled copy, in the unit of the result."""
     to_own = axes.transpose(0, 2, 1)
     crossed = maps.crossed @ to_own
     squares = np.einsum("pki,pij,pkj->pk", axes, maps.covariances, axes)
     images = maps.linear @ to_own
-    lengths = np.linalg.norm(images, axis=1)
-    mirrored = np.linalg.det(images) < 0
-    scales = lengths * np.where(mirrored[:, None], [-1.0, 1.0, 1.0], 1.0)
+    scales = np.linalg.norm(images, axis=1)
     rotations = _nearest_rotations(images / np.where(scales == 0, 1.0, scales)[:, None, :])
     # Alternate the best scales for these rotations and the best rotations for these scales.
     for _ in range(_ROUNDS):
@@ -135,7 +133,7 @@ def find_folded(
     parts: Int[np.ndarray, " faces"],
     flat: Bool[np.ndarray, " parts"],
 ) -> Bool[np.ndarray, " faces"]:
-    """Find faces whose normal is more than 90 degrees off the source's normal, carried by the map of the face's part.
+    """Find faces more than 90 degrees off their source normal, carried by the map of their part.
 
     Args:
         source_normals, result_normals: by winding, zero for faces that are left out; flat: parts without volume, whose

@@ -29,6 +29,7 @@ class Structure:
         mirrored_parts: (C,) the part that mirrors each part (itself, if it is symmetric); -1 for none.
         affine_ranges: (R, 4) part, axis, low, high: along this axis, what the part has between these coordinates is
             oblique or curved, and stays planar or round only under maps that are affine there.
+        ends_only: (C, 3) whether a part has vertices at its two ends alone along each axis, as a board has.
     """
 
     vertex_parts: Int[np.ndarray, " vertices"]
@@ -40,6 +41,7 @@ class Structure:
     contact_points: Float[np.ndarray, "contacts 3"]
     mirror: float
     mirrored_parts: Int[np.ndarray, " parts"]
+    ends_only: Bool[np.ndarray, "parts 3"]
     affine_ranges: Float[np.ndarray, "ranges 4"] = field(default_factory=_no_ranges)
 
     @property
