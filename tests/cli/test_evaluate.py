@@ -68,7 +68,41 @@ def test_real_prints_what_it_writes(
     assert f"{near} of 2 under 4 cm" in printed.err
     assert "1 of 2 of the right category" in printed.err
     assert "failed: table_01.ply" in printed.err
+    crop, broken = report["crops"]
+    assert f"facets tilt by {crop['cleanliness']['axis_tilt']:.2g} degrees" in printed.err
+    assert (crop["up_right"], broken["cleanliness"]) == (None, None)
+    tilt = {row["statistic"]: row["value"] for row in report["rows"] if row["metric"] == "axis_tilt"}
+    assert tilt == {"mean": crop["cleanliness"]["axis_tilt"], "95th percentile": crop["cleanliness"]["axis_tilt"]}
     assert Image.open(tmp_path / "sheet.png").size[0] > 1000
+
+
+def test_real_can_be_left_to_find_the_up_axis(files: Path, crops: Path, run_json: Run) -> None:
+    using = ["--model", files / "model", "--database", files / "tables.kpred", "--top-k", 2]
+    report = run_json("evaluate", "real", "--crops", crops, "--up", "auto", *using)
+    assert report["header"]["up"] == "found by the fit"
+    assert report["crops"][0]["up_right"] is True
+    assert next(row["value"] for row in report["rows"] if row["metric"] == "up_axis_right") == 1.0
+    # Told the wrong axis, a fit stands the table on its side.
+    wrong = run_json("evaluate", "real", "--crops", crops, "--up", "x", *using)
+    assert wrong["header"]["up"] == "given"
+    assert wrong["crops"][0]["distance_kept"] != report["crops"][0]["distance_kept"]
+
+
+def test_catalogue_prints_what_it_writes(
+    files: Path, pack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["-o", str(tmp_path / "rows.json"), "--picture", str(tmp_path / "sheet.png"), "--tiles", "2"]
+    line = ["evaluate", "catalogue", str(pack), "--model", str(files / "model"), "--top-k", "2", "--limit", "2", *out]
+    assert main([*line, "--views", "0", "--json"]) == OK
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
+    assert report == json.loads((tmp_path / "rows.json").read_text())
+    assert len(report["targets"]) == 2
+    assert report["header"]["views"] == 0
+    first = next(row for row in report["rows"] if row["metric"] == "right_model_first")
+    assert f"{first['value']:.2f} {first['low']:.2f}–{first['high']:.2f}" in printed.err
+    assert "scanned (whole surfaces)" in printed.err
+    assert Image.open(tmp_path / "sheet.png").size[0] > 500
 
 
 def test_the_old_spelling_means_shapes(files: Path, pack: Path, run_json: Run) -> None:
@@ -86,6 +120,10 @@ def test_the_old_spelling_means_shapes(files: Path, pack: Path, run_json: Run) -
         (["scans", "{pack}", "--picture", "sheet.jpg"], FAILED, "pictures are .png files"),
         (["scans", "{pack}", "--split", "nope"], FAILED, "no shape is in the split 'nope'"),
         (["scans", "none.npz"], FAILED, "none.npz: there is no such file"),
+        (["catalogue", "{pack}", "--views", "-1"], FAILED, "number of views must be"),
+        (["catalogue", "{pack}", "--tiles", "0"], USAGE, "--tiles must be at least 1"),
+        (["catalogue", "{pack}", "--picture", "sheet.jpg"], FAILED, "pictures are .png files"),
+        (["catalogue", "--database", "{new}/none.kpred"], FAILED, "none.kpred"),
         (["real"], USAGE, "no scans were named"),
         (["real", "--annotations", "a.json"], USAGE, "give --scene FOLDER too"),
         (["real", "--crops", "{new}"], FAILED, "no such folder with .ply files"),

@@ -48,7 +48,7 @@ def test_full_prints_what_it_writes(
     assert report == json.loads(out.read_text())
     assert report["header"]["command"].startswith("kpred evaluate table full ")
     assert report["header"]["seconds"] >= 0
-    row = next(row for row in report["rows"] if row["method"] == "refined")
+    row = next(row for row in report["rows"] if row["method"] == "structure")
     assert (row["model"], row["n"], row["category"]) == ("one", 2, "table")
     assert f"{row['value']:.5f} ({row['low']:.5f}–{row['high']:.5f})" in printed.err
     for name in ("again.json", "again.csv", "again.targets.csv"):
@@ -57,9 +57,29 @@ def test_full_prints_what_it_writes(
         assert [float(line["value"]) for line in csv.DictReader(stream)] == [r["value"] for r in report["rows"]]
     # Of two models in one table the first has the same values as alone.
     both = json.loads((made / "full.json").read_text())
-    alone = {one["method"]: one["values"] for one in report["series"]}
+    alone = {(one["method"], one["distance"]): one["values"] for one in report["series"]}
     for one in both["series"]:
-        assert one["values"] == pytest.approx(alone[one["method"]], rel=1e-6)
+        assert one["values"] == pytest.approx(alone[one["method"], one["distance"]], rel=1e-6, abs=1e-9)
+
+
+def test_cleanliness_stands_beside_the_errors(
+    files: Path, pack: Path, made: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    using = ["--model", f"one={files / 'model'}", "--cache", str(made / "cache"), "--top-k", "2"]
+    assert main(["evaluate", "table", "full", str(pack), *using, "--json"]) == OK
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
+    rows = {(row["method"], row["distance"]): row for row in report["rows"]}
+    bent = rows["refined", "squareness"]
+    assert (bent["unit"], bent["n"]) == ("degrees", 2)
+    assert bent["percentile_95"] >= bent["value"] > 0
+    assert rows["undeformed_retrieved", "squareness"]["value"] == pytest.approx(0, abs=1e-6)
+    assert "cleanliness, mean over the targets" in printed.err
+    assert "cleanliness, 95th percentile over the targets" in printed.err
+    assert f"{bent['value']:.4g}" in printed.err
+    hint = rows["structure_without_hint", "chamfer_distance"]["value"] / rows["structure", "chamfer_distance"]["value"]
+    line = next(line for line in printed.err.split("with it")[1].splitlines() if line.strip().startswith("one"))
+    assert f"{hint:.2f}" in line
 
 
 def test_topk_and_oracle_have_a_column_for_each_number(

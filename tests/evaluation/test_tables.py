@@ -179,7 +179,9 @@ def test_targets_can_be_named_and_names_that_are_not_there_are_counted(
     assert told == ["1 of 3 named targets are in no pack's 'val': gone."]
     assert found.subjects() == chosen
     for series in found.values:
-        assert found.values[series] == pytest.approx({one: table.values[series][one] for one in chosen}, rel=1e-6, abs=1e-9)
+        assert found.values[series] == pytest.approx(
+            {one: table.values[series][one] for one in chosen}, rel=1e-6, abs=1e-9
+        )
     (file, *_) = write_table(found, tmp_path / "table.json")
     assert read_target_list(file, "val") == {one.model_id for one in chosen}
     (tmp_path / "ids.txt").write_text(f"# two\n{chosen[0].model_id}\n\n{chosen[1].model_id}\n")

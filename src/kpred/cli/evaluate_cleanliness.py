@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from kpred.evaluation.table_data import Table
 
 COLUMNS = {
-    "flatness": ("flat %", 100),
-    "straightness": ("straight %", 100),
-    "squareness": ("square °", 1),
-    "squareness_95": ("square 95 °", 1),
-    "axis_tilt": ("axis tilt °", 1),
-    "mirror": ("mirror %", 100),
-    "part_box": ("box %", 100),
-    "contact_gap": ("gap %", 100),
-    "folded_faces": ("folded", 1),
+    "flatness": ("flat %", 100.0),
+    "straightness": ("straight %", 100.0),
+    "squareness": ("square °", 1.0),
+    "squareness_95": ("square 95 °", 1.0),
+    "axis_tilt": ("axis tilt °", 1.0),
+    "mirror": ("mirror %", 100.0),
+    "part_box": ("box %", 100.0),
+    "contact_gap": ("gap %", 100.0),
+    "folded_faces": ("folded", 1.0),
 }
 """Measures that are printed: heading, and factor from the measure's own unit; JSON and CSV hold all."""
 

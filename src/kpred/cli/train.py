@@ -14,6 +14,7 @@ from kpred.cli.command import Command, Group
 from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
 from kpred.cli.processes import own_device, together
+from kpred.cli.train_confidence import ConfidenceCommand
 from kpred.cli.train_peer import PEER_COMMANDS
 from kpred.cli.train_visibility import VisibilityCommand
 from kpred.cli.usage import UsageError
@@ -255,6 +256,7 @@ COMMAND = Group(
         "all": AllCommand,
         "recognition": RecognitionCommand,
         "visibility": VisibilityCommand,
+        "confidence": ConfidenceCommand,
         "peer": PEER_COMMANDS,
     }
 )

@@ -78,7 +78,7 @@ def share_interval(hits: Sequence[bool]) -> Interval:
     scale = 1 + _NORMAL**2 / n
     # Rounding must not leave a share of 0 or 1 outside.
     return Interval(
-        share, min(max((middle - spread) / scale, 0.0), share), max(min((middle + spread) / scale, 1), share)
+        share, min(max((middle - spread) / scale, 0.0), share), max(min((middle + spread) / scale, 1.0), share)
     )
 
 

@@ -45,7 +45,7 @@ class ScanTarget:
         model_id: of the shape.
         scan: (N, 3) what a fit is given, in the scan's own frame and unit, y up; N <= 2048.
         known: (N, 3) the same points in the unit box of the whole object, canonical axes.
-        visible: (N, 3) what the camera saw, without noise and outliers; unit box.
+        visible: (V, 3) what the camera saw, without noise and outliers; unit box.
         whole: (2048, 3) the whole surface, unit box.
         low, high: (3,) corners of the object's box, unit box; its longest side is 2.
         frame: takes the scan's own frame into the unit box.
@@ -55,7 +55,7 @@ class ScanTarget:
     model_id: str
     scan: Float[np.ndarray, "points 3"]
     known: Float[np.ndarray, "points 3"]
-    visible: Float[np.ndarray, "points 3"]
+    visible: Float[np.ndarray, "visible 3"]
     whole: Float[np.ndarray, "whole 3"]
     low: Float[np.ndarray, "3"]
     high: Float[np.ndarray, "3"]

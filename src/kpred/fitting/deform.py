@@ -18,7 +18,7 @@ from kpred.ops.worksharing import share_out
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import COSTS, Distances, Step, distances, spacing
 from kpred.refinement.structure_config import StructureConfig
-from kpred.refinement.structure_fit import Evidence, StructureMap, fit_structure
+from kpred.refinement.structure_fit import OUTSIDE, Evidence, StructureMap, fit_structure
 
 PLACED_POINTS = 384
 """Points of model and scan by which undeformed models are placed."""
@@ -133,6 +133,7 @@ class _Work:
         self.points = candidates.points.numpy()
         self.start = candidates.deformed().numpy()
         self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]
+        self.hidden = [self._hidden(row) for row in range(len(self.points))]
         self.placements = _each(self._placements, len(self.points))
 
     def simple(self, row: int, placed: tuple[Placement, Placement], step: Literal["none", "scale"]) -> Explanation:
@@ -195,8 +196,10 @@ class _Work:
         self, row: int, step: Step, deformation: Deformation, moved: np.ndarray, placement: Placement
     ) -> Explanation:
         every = max(1, len(moved) // COMPARED_POINTS)
-        visible = self.visibility(moved + 0.12 * self.models[row].normals)
-        measured = distances(self.goal, self.spacing, moved, visible, every)
+        visible = self.visibility(moved + OUTSIDE * self.models[row].normals)
+        off = np.square(moved - self.start[row])[::every].sum(axis=1)
+        unseen = float((self.hidden[row][::every] * off).mean())
+        measured = replace(distances(self.goal, self.spacing, moved, visible, every), unseen=unseen)
         error = np.exp(measured.log_error()) + self._floor_error(row, moved)
         return Explanation(step, deformation, moved, measured, float(np.log(error)) + COSTS[step], placement)
 
@@ -208,14 +211,20 @@ class _Work:
         gap = abs(float(feet @ moved[:, 1]) - self.evidence.floor)
         return FLOOR_WEIGHT * max(gap - FLOOR_DOUBT, 0.0) ** 2
 
+    def _hidden(self, row: int) -> np.ndarray:
+        """How surely each point of a model, where the keypoints put it, was not seen."""
+        hidden: np.ndarray = 1.0 - self.visibility(self.start[row] + OUTSIDE * self.models[row].normals)
+        return hidden
+
     def _placements(self, row: int) -> tuple[Placement, Placement]:
         """The undeformed model in one size, and in one size per axis."""
         every = max(1, len(self.points[row]) // PLACED_POINTS)
         points = np.ascontiguousarray(self.points[row][::every])
         begun = points if not self.candidates.partial else self.start[row][::every]
-        visible = self.visibility(begun + 0.12 * self.models[row].normals[::every])
-        one = fit_placement(points, Placement.identity(), self.few, visible, per_axis=False, free_yaw=False)
-        return one, fit_placement(points, one, self.few, visible, per_axis=True, free_yaw=False)
+        visible = self.visibility(begun + OUTSIDE * self.models[row].normals[::every])
+        options = {"free_yaw": False, "expected": begun}
+        one = fit_placement(points, Placement.identity(), self.few, visible, per_axis=False, **options)
+        return one, fit_placement(points, one, self.few, visible, per_axis=True, **options)
 
 
 def _keypoint_map(displacement: np.ndarray) -> Deformation:

@@ -20,7 +20,10 @@ from kpred.ops.typing import Float
 TEMPERATURE = 0.6
 """Odds of candidates fall by e for each such fraction by which their error is above the lowest."""
 
-SEEN_WEIGHT = 2.0
+TOKEN_WEIGHT = 10.0
+"""Odds of candidates fall by e to this for each time that their token distance is above the lowest by itself."""
+
+SEEN_WEIGHT = 0.5
 """Weight of a candidate's own error, the only thing that is known for sure."""
 
 EXCESS_WEIGHT = 0.3
@@ -51,20 +54,25 @@ def rank_candidates(deformed: Deformed) -> list[int]:
         return by_score
     pool = [row for row in by_score if final[row]][:POOL]
     results = torch.from_numpy(np.stack([deformed.explanations[row].points for row in pool]))
-    risk = risks(results, torch.from_numpy(np.exp(scores[pool])).float())
+    tokens = deformed.candidates.distances[pool]
+    prior = -TOKEN_WEIGHT * (tokens / max(float(tokens.min()), 1e-12) - 1.0)
+    risk = risks(results, torch.from_numpy(np.exp(scores[pool])).float(), torch.from_numpy(prior).float())
     first = [pool[int(place)] for place in risk.argsort(stable=True)]
     return first + [row for row in by_score if row not in first]
 
 
 def risks(
-    results: Float[Tensor, "candidates points 3"], errors: Float[Tensor, " candidates"]
+    results: Float[Tensor, "candidates points 3"],
+    errors: Float[Tensor, " candidates"],
+    prior: Float[Tensor, " candidates"] | None = None,
 ) -> Float[Tensor, " candidates"]:
     """Compute the expected error of each result if the true surface is one of them; unit box squared.
 
     Args:
-        results: their surfaces; errors: their distance from what was seen.
+        results: their surfaces; errors: their distance from what was seen; prior: log odds before that.
     """
-    odds = torch.softmax(-errors / (TEMPERATURE * errors.min().clamp(min=1e-12)), dim=0)
+    evidence = -errors / (TEMPERATURE * errors.min().clamp(min=1e-12))
+    odds = torch.softmax(evidence if prior is None else evidence + prior, dim=0)
     count, points = len(results), results.shape[1]
     # Disjoint samples: a result is as far from another sample of itself as sampling makes it, and has no advantage.
     answer_step = max(2, points // ANSWER_POINTS)

@@ -21,6 +21,9 @@ GRID_SIZE = 9
 REACH = 1.2
 """The grid covers so much of the unit box around its middle."""
 
+SURELY_HIDDEN, SURELY_SEEN = 0.35, 0.85
+"""Predictions below and above count as 0 and 1: many points of little weight would outvote the few that were seen."""
+
 HALF_SEEN = 0.5
 """Without a network, a place is seen as far as the keypoints near it are; at this confidence, fully."""
 
@@ -53,7 +56,8 @@ class Visibility:
         if self.grid is None:
             return np.ones(len(places), np.float32)
         reach = np.full(3, REACH)
-        return interpolate_grid(self.grid, -reach, reach, places)
+        predicted = interpolate_grid(self.grid, -reach, reach, places)
+        return np.clip((predicted - SURELY_HIDDEN) / (SURELY_SEEN - SURELY_HIDDEN), 0.0, 1.0)
 
 
 def all_seen() -> Visibility:

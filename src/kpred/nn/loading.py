@@ -44,7 +44,7 @@ class Model(Mapping[str, KPRed]):
 
     `recognizer` tells category and yaw of a scan, where the model has one; without it both are found by fitting.
     `visibility` predicts where a scanner would have seen surface, where the model has such a network.
-    `calibration` turns evidence into confidence; None takes that of the bundled model.
+    `calibration` turns evidence into confidence; None takes the built-in one.
     """
 
     name: str

@@ -54,6 +54,7 @@ def fit_placement(
     per_axis: bool,
     free_yaw: bool,
     free_size: bool = True,
+    expected: Float[np.ndarray, "points 3"] | None = None,
     rounds: int = 6,
 ) -> Placement:
     """Place an undeformed model so that its seen surface and the scan lie closest, both ways; unit boxes.
@@ -61,13 +62,15 @@ def fit_placement(
     Args:
         points: of the model, float32; start: where the search begins; goal: points of the scan, float32.
         visible: how surely each point of the model was seen.
+        expected: where the model's points are expected, by which unseen ones are held; None: where `start` puts them.
         per_axis: whether each axis has a size of its own; free_yaw, free_size: whether yaw and size are unknown.
     """
     numbers = np.concatenate([[start.yaw], start.size, start.shift])
-    first = np.ascontiguousarray(start(points), dtype=np.float32)
+    first = np.ascontiguousarray(start(points) if expected is None else expected, dtype=np.float32)
     moved = np.empty_like(first)
+    held = ((1.0 - visible) / len(points)).astype(np.float32)
     place_rounds(
-        points, first, visible.astype(np.float32), goal, per_axis, free_yaw, free_size, rounds, ROBUST, MIN_SCALE,
+        points, first, visible.astype(np.float32), held, goal, per_axis, free_yaw, free_size, rounds, ROBUST, MIN_SCALE,
         numbers, moved,
     )  # fmt: skip
     return Placement(float(numbers[0]), numbers[1:4].copy(), numbers[4:].copy())

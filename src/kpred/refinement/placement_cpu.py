@@ -1,4 +1,4 @@
-"""Placing an undeformed model compiled for the CPU: turned about the vertical, moved, sized as a whole or per axis."""
+"""Placing an undeformed model compiled for the CPU: rotated about the vertical, moved, sized as a whole or per axis."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from kpred.refinement.structure_cpu import SEEN, match
+from kpred.refinement.matching_cpu import hold, match, seen_points
 
 YAW_PRIOR = 1e-3
 """Weight of the pull of the yaw toward 0, relative to the scan's."""
@@ -16,27 +16,26 @@ YAW_PRIOR = 1e-3
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def place_rounds(
-    points, start, visible, goal, per_axis, free_yaw, free_size, rounds, robust, minimum, placement, moved
+    points, start, visible, held, goal, per_axis, free_yaw, free_size, rounds, robust, minimum, placement, moved
 ):
     """Fills `placement` (yaw, size x, y, z, shift x, y, z) and `moved` (N, 3) with R_yaw (size * points) + shift.
 
     Args:
         points: (N, 3) of the source; start: (N, 3) where the first matches are taken.
-        visible: (N,) how surely each was seen; goal: (M, 3) of the scan.
+        visible: (N,) how surely each was seen; held: (N,) weight of staying at `start`; goal: (M, 3) of the scan.
         per_axis: whether the three sizes differ; free_yaw, free_size: whether yaw and sizes are unknown at all.
         robust: squared multiple of the median distance, 0 for equal weights; minimum: least squared scale.
     """
     count = points.shape[0]
     wanted = np.empty((count, 4), np.float32)
-    seen = np.flatnonzero(visible >= SEEN)
-    if len(seen) < 8:
-        seen = np.arange(count)
+    seen = seen_points(visible)
     moved[:] = start
     normal, right = np.zeros((7, 7)), np.zeros(7)
     columns = np.zeros((3, 7))
     local = np.zeros(3)
     for turn in range(rounds):
         match(moved, goal, visible, seen, turn % 2, robust, minimum, wanted)
+        hold(wanted, held, start)
         # Two steps of Gauss and Newton: the rotation is the only part that is not linear.
         for _ in range(2):
             normal[:] = 0.0

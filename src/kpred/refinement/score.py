@@ -38,12 +38,14 @@ class Distances:
         forth: from the scan to the result; back: from the result's seen surface to the scan, weighted by visibility.
         floor: what both would be for a perfect result, by the spacing of the samples.
         seen: mean visibility of the result's surface.
+        unseen: mean squared distance of the result's unseen surface from where it is expected, weighted by invisibility.
     """
 
     forth: float
     back: float
     floor: float
     seen: float
+    unseen: float = 0.0
 
     @property
     def error(self) -> float:
@@ -51,9 +53,9 @@ class Distances:
         return self.forth + self.back
 
     def log_error(self) -> float:
-        """Logarithm of the error beyond the samples' spacing, with the noise of scans added."""
+        """Logarithm of the error beyond the samples' spacing, of what is seen and unseen, with the noise of scans."""
         noise = NOISE**2 + FLOOR_DOUBT * self.floor
-        return float(np.log(max(self.error - self.floor, 0.0) + noise))
+        return float(np.log(max(self.error - self.floor, 0.0) + self.unseen + noise))
 
 
 def spacing(points: Float[np.ndarray, "points 3"]) -> float:

@@ -16,9 +16,10 @@ from kpred.refinement.freedom import (
     spline_slopes,
     spline_spans,
 )
+from kpred.refinement.structure_apply_cpu import apply_columns
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
-from kpred.refinement.structure_cpu import apply_columns, fit_rounds
+from kpred.refinement.structure_cpu import fit_rounds
 from kpred.shapes.structure import Structure
 
 MIN_SCALE = 1e-4

@@ -1,0 +1,113 @@
+"""`kpred train confidence`: the calibration of a model's confidence, on virtual scans that look like real ones."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
+
+from kpred.cli.command import Command
+from kpred.cli.output import Output
+from kpred.cli.usage import UsageError
+
+if TYPE_CHECKING:
+    from kpred.evaluation.calibration import CalibrationSample
+    from kpred.nn import Model
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConfidenceCommand(Command):
+    """Calibrate the confidence of a trained model, and write calibration.json into its folder.
+
+    Shapes of the packs are scanned virtually, with what crops of real rooms add and leave out: floor, pieces of
+    neighbours, missing blocks, noise, uneven density. Each scan is fitted; a logistic regression then says how likely a
+    result of such evidence is right. A pack of the category `other` (`kpred data generate other`) shows things that
+    are none of the model's categories. Take shapes that neither the training nor the database has seen.
+
+    examples:
+      kpred train confidence chair.npz table.npz other.npz --model runs/mine/model --database mine.kpred
+      kpred train confidence packs/ --model runs/mine/model --split val --limit 300 --samples samples.json
+    """
+
+    packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
+    """Mesh packs (.npz), or folders of them"""
+    model: Annotated[Path | None, arg(metavar="DIR")] = None
+    """Folder of the trained model, which gets calibration.json"""
+    database: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Search this database (.kpred); without it, the bundled one"""
+    split: Annotated[str, arg(metavar="NAME")] = "val"
+    """Whose shapes are scanned"""
+    limit: Annotated[int, arg(metavar="N")] = 150
+    """At most so many scans a pack, drawn at random by the seed; 0: all of them"""
+    top_k: Annotated[int, arg(metavar="K")] = 10
+    """How many retrieved models are deformed and compared"""
+    samples: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Keep evidence and outcome of each scan in this JSON file; if it is there, they are taken from it"""
+    seed: Annotated[int, arg(metavar="SEED")] = 33
+    """Of shapes, scans and fits"""
+
+    def run(self, output: Output) -> None:
+        """Scan and fit with a progress bar, calibrate, write and print."""
+        from kpred.cli.evaluate_scans import print_reliability
+        from kpred.evaluation.calibration import calibrate, sources_of
+        from kpred.nn import load_model
+        from kpred.nn.calibration import save_calibration
+        from kpred.shapes.atomic import check_place
+
+        if not self.packs:
+            raise UsageError("no pack was named; try `kpred train confidence PACK.npz --model DIR`")
+        if self.model is None:
+            raise UsageError("no model was named; give the folder of its weights: --model DIR")
+        if self.samples is not None:
+            check_place(self.samples)
+        model, remarks = load_model(self.model), list[str]()
+        samples = self._samples(model, remarks)
+        facts = {"packs": sources_of(self.packs), "split": self.split, "limit": self.limit or None, "seed": self.seed}
+        calibration, held_out = calibrate(samples, facts | {"top_k": self.top_k})
+        file = save_calibration(calibration, self.model)
+        right = sum(sample.right for sample in samples)
+        output.result({"file": file, "calibration": calibration, "held_out": held_out, "remarks": remarks})
+        for name, found in held_out.items():
+            output.note(f"{name}, weights of one half on the other:")
+            print_reliability(output, found)
+        weights = [
+            *zip(calibration.features, calibration.weights, (*calibration.weights_without_odds, None), strict=True)
+        ]
+        output.table("weights", ["feature", "with odds", "without odds"], weights)
+        for sentence in remarks[:10]:
+            output.note(f"note: {sentence}")
+        output.note(f"wrote {file} ({len(samples)} fits, {right} of them right)")
+
+    def _samples(self, model: Model, remarks: list[str]) -> list[CalibrationSample]:
+        """The samples of the file, or new ones."""
+        from kpred.cli.progress import ProgressBar
+        from kpred.errors import PackError
+        from kpred.evaluation.calibration import CalibrationSample, collect_samples
+        from kpred.evaluation.scan_outcomes import Fitting
+        from kpred.evaluation.summary import write_report
+        from kpred.fitting.resources import as_database
+
+        if self.samples is not None and self.samples.is_file():
+            try:
+                values = json.loads(self.samples.read_text(encoding="utf-8"))["samples"]
+                return [CalibrationSample.from_json(value) for value in values]
+            except (ValueError, KeyError, TypeError) as error:
+                raise PackError(
+                    f"{self.samples}: it holds no samples of `kpred train confidence`; remove it."
+                ) from error
+        how = Fitting(model, as_database(self.database), self.top_k, self.seed)
+        with ProgressBar() as bar:
+            found = collect_samples(
+                self.packs,
+                how,
+                split=self.split,
+                limit=self.limit or None,
+                progress=bar.update,
+                report=remarks.append,
+            )
+        if self.samples is not None:
+            write_report(self.samples, {"samples": [sample.to_json() for sample in found]})
+        return found
