@@ -154,7 +154,11 @@ def _category_card(category: str, preset: str, folder: Path) -> list[str]:
 
 
 def _measured(category: str, preset: str, rows: list[dict[str, Any]]) -> list[str]:
-    mine = [cell for cell in rows if cell["category"] == category and cell["model"] in (preset, "")]
+    mine = [
+        cell
+        for cell in rows
+        if cell["category"] == category and cell["model"] in (preset, "") and cell["unit"] == "unit box squared"
+    ]
     if not mine:
         return []
     lines = [

@@ -99,7 +99,12 @@ def test_topk_and_oracle_have_a_column_for_each_number(
 def test_compare_pairs_the_targets(made: Path, run_json: Run, capsys: pytest.CaptureFixture[str]) -> None:
     full = made / "full.json"
     report = run_json("evaluate", "compare", full, full, "--a", "one", "--b", "two")
-    assert {(row["ratio"], row["p_value"], row["n"]) for row in report["rows"]} == {(1.0, 1.0, 2)}
+    errors = [row for row in report["rows"] if row["unit"] == "unit box squared"]
+    assert {(row["ratio"], row["p_value"], row["n"]) for row in errors} == {(1.0, 1.0, 2)}
+    # Cleanliness is compared as well; nothing over nothing has no ratio.
+    clean = [row for row in report["rows"] if row["unit"] != "unit box squared"]
+    assert {row["ratio"] for row in clean} == {1.0, None}
+    assert all(row["first"] == row["second"] for row in clean)
     assert main(["evaluate", "compare", str(full), str(made / "partial.json"), "--a", "one"]) == FAILED
     assert "different kinds of tables (full and partial)" in capsys.readouterr().err
 

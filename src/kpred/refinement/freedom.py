@@ -1,4 +1,4 @@
-"""What each part of a model may do: lean, bend, grow within limits; and the box that it does so about."""
+"""Freedom of each part of a model: whether it may lean or bend, its limits of growth, its own box."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MIN_GROWTH, MAX_GROWTH = 0.25, 4.0
 """Least and largest factor by which a part's side may shrink or grow."""
 
 MIN_SLOPE, MAX_SLOPE = 0.15, 6.0
-"""Least and largest slope of the map that all parts share."""
+"""Least and largest slope of the map that is common to all parts."""
 
 SLENDER = 1.5
 """A part leans and bends along an axis if it is so many times longer along it than across."""
@@ -36,7 +36,7 @@ def oblique(basis: StructureBasis) -> Int[np.ndarray, " parts"]:
 
 
 def spline_spans(basis: StructureBasis) -> Int[np.ndarray, "parts 3 2"]:
-    """List the first and last control that act on each part as they are; -1 where only the spline's chord does."""
+    """List the first and last control of the spline within each part; -1 where only a chord acts on it."""
     spacing = (basis.high - basis.low) / (basis.controls - 2)
     low, high = basis.middle - basis.half, basis.middle + basis.half
     # Control k acts on cells k - 2 to k.
@@ -58,8 +58,10 @@ def spline_slopes(basis: StructureBasis) -> Float[np.ndarray, "3 3"]:
 
 
 def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
-    """List leans of each group in x, y and z: 0 impossible, 1 where the scan shows it, 2 free since it is oblique."""
-    structure = basis.structure
+    """List leans of each group along x, y and z: 0 impossible, 1 if the scan shows it, 2 free.
+
+    Parts that are oblique already lean freely.
+    """
     along = np.take_along_axis(basis.half, basis.lean_axis, axis=1)
     each = np.where(along < SLENDER * basis.half, 0, 1 + oblique(basis)[:, None])
     own = _mirrors_itself(basis)

@@ -18,7 +18,7 @@ YAW_PRIOR = 1e-3
 def place_rounds(
     points, start, visible, held, goal, per_axis, free_yaw, free_size, rounds, robust, minimum, placement, moved
 ):
-    """Fills `placement` (yaw, size x, y, z, shift x, y, z) and `moved` (N, 3) with R_yaw (size * points) + shift.
+    """Fills `placement` (yaw, three sizes, shift) and `moved` (N, 3) with R_yaw (size * points) + shift.
 
     Args:
         points: (N, 3) of the source; start: (N, 3) where the first matches are taken.
@@ -33,8 +33,8 @@ def place_rounds(
     normal, right = np.zeros((7, 7)), np.zeros(7)
     columns = np.zeros((3, 7))
     local = np.zeros(3)
-    for turn in range(rounds):
-        match(moved, goal, visible, seen, turn % 2, robust, minimum, wanted)
+    for iteration in range(rounds):
+        match(moved, goal, visible, seen, iteration % 2, robust, minimum, wanted)
         hold(wanted, held, start)
         # Two steps of Gauss and Newton: the rotation is the only part that is not linear.
         for _ in range(2):

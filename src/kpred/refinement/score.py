@@ -1,8 +1,9 @@
 """How well a result explains a scan, and what it had to change: the simplest explanation wins.
 
-A result's squared distances hold three things: what the result gets wrong, the spacing of the samples that the distances
-are measured between, and the noise of the scan. The second is estimated from the clouds themselves and taken away; the
-third stays. The logarithm of what is left is compared, plus a cost for every step away from the model as it is.
+A result's squared distances hold three things: what the result gets wrong, the spacing of the samples that the
+distances are measured between, and the noise of the scan. The second is estimated from the clouds themselves and taken
+away; the third stays. The logarithm of what is left is compared, plus a cost for every step away from the model as it
+is.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Distances:
         forth: from the scan to the result; back: from the result's seen surface to the scan, weighted by visibility.
         floor: what both would be for a perfect result, by the spacing of the samples.
         seen: mean visibility of the result's surface.
-        unseen: mean squared distance of the result's unseen surface from where it is expected, weighted by invisibility.
+        unseen: mean squared distance of the result's unseen surface from where it is expected, by invisibility.
     """
 
     forth: float

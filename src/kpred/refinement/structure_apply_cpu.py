@@ -98,7 +98,9 @@ def _square(part, bounds, boxes, lean_axis, points, solution, growth, limits, le
                     # What the axis map makes of the coordinate, in units of the source.
                     local[k] += (moved[i, axis] - place[axis]) / factor[axis] * boxes[part, 3 * k + axis]
         for axis in range(3):
-            moved[i, axis] = place[axis] + local[0] * image[0, axis] + local[1] * image[1, axis] + local[2] * image[2, axis]
+            moved[i, axis] = (
+                place[axis] + local[0] * image[0, axis] + local[1] * image[1, axis] + local[2] * image[2, axis]
+            )
 
 
 @numba.njit(cache=True, nogil=True)

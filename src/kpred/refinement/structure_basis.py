@@ -1,10 +1,11 @@
 """The family of maps that keep a model CAD, as columns: linear in its unknowns, one small system an axis.
 
-Along each axis a point v of part c moves by f(v) + t_c + s_c (v - m_c) / h_c + l_c q + b_c (q^2 - 1/3): f is a quadratic
-B-spline over the source's box, shared by all parts; t_c and s_c move and grow the part's own box (middle m_c, half side
-h_c). With q = (w - m_c) / h_c along another axis w, l_c leans the part, which the map turns into a rotation, and b_c
-bends it, if it is curved already. Where a part is oblique or curved, f is replaced by its chord (`Structure.affine_ranges`), so that planar facets stay planar. Parts that mirror each other share
-their unknowns, and of a symmetric model f is odd about the mirror plane.
+Along each axis a point v of part c moves by f(v) + t_c + s_c (v - m_c) / h_c + l_c q + b_c (q^2 - 1/3): f is a
+quadratic B-spline over the source's box, the same for all parts; t_c and s_c move and grow the part's own box (middle
+m_c, half side h_c). With q = (w - m_c) / h_c along another axis w, l_c leans the part, of which the map makes a
+rotation, and b_c bends it, if it is curved already. Where a part is oblique or curved, f is replaced by its chord
+(`Structure.affine_ranges`), so that planar facets stay planar. Parts that mirror each other have the same unknowns, and
+of a symmetric model f is odd about the mirror plane.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ MIN_HALF_SIDE = 0.01
 """Least half side by which a part's growth is measured, unit box."""
 
 ACROSS = 0.03
-"""Parts that share less than this along an axis touch across it, unit box."""
+"""Parts that overlap by less than this along an axis touch across it, unit box."""
 
 STANDING = 0.01
 """Parts whose lowest points are within this of the model's lowest stand on the floor, unit box."""
@@ -38,7 +39,7 @@ RIGID = 1e3
 
 @dataclass(frozen=True, eq=False)
 class StructureBasis:
-    """Columns of one model with C parts in G groups, K spline controls; U = K + 4 G unknowns an axis; unit box.
+    """Columns of one model of C parts in G groups, U = K + 4 G unknowns an axis.
 
     Attributes:
         structure: of the model.
@@ -77,7 +78,7 @@ class StructureBasis:
     def columns(
         self, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
     ) -> tuple[Float[np.ndarray, "3 controls points"], Float[np.ndarray, "3 kinds points"]]:
-        """Compute the columns of points of the given parts: of f, and of t, s, l and b; float32, unit box."""
+        """Compute the columns of f, and those of t, s, l and b, for points of the given parts; float32."""
         spline = np.empty((3, self.controls, len(points)), np.float32)
         for axis in range(3):
             spline[axis] = self._chords(points[:, axis], parts, axis, self._spline(points[:, axis], parts, axis)).T
@@ -100,9 +101,10 @@ class StructureBasis:
     def rows(
         self, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
     ) -> Float[np.ndarray, "3 points unknowns"]:
-        """The same columns as dense rows over all unknowns, with f itself where a part follows it at its ends alone.
+        """Compute the same columns as dense rows over all unknowns, float64.
 
-        So that parts may slide along one another as f takes them.
+        Where a part follows f at its ends alone, here it follows f itself: parts may slide along one another as f takes
+        them.
         """
         own = self._own(points, parts)
         found = np.zeros((3, len(points), self.controls + KINDS * (int(self.group.max()) + 1)))
@@ -126,7 +128,6 @@ class StructureBasis:
                 fraction = ((place[inside] - first) / (last - first))[:, None]
                 found[inside] = (1 - fraction) * ends[0] + fraction * ends[1]
         return found
-
 
     def _chords(self, place: np.ndarray, parts: np.ndarray, axis: int, weights: np.ndarray) -> np.ndarray:
         """The same weights with those of parts that have vertices at their ends alone interpolated between these."""

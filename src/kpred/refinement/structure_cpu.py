@@ -59,10 +59,10 @@ def fit_rounds(
     leaning = can_lean == 2
     seen = seen_points(visible)
     moved[:] = start
-    for turn in range(rounds):
-        match(moved, goal, visible, seen, turn % 2, robust, minimum, wanted)
+    for iteration in range(rounds):
+        match(moved, goal, visible, seen, iteration % 2, robust, minimum, wanted)
         hold(wanted, held, start)
-        if turn == rounds // 2:
+        if iteration == rounds // 2:
             _find_leans(own, bounds, group, wanted, moved, can_lean, lean_gain, leaning)
         for axis in range(3):
             for i in range(count):
@@ -75,17 +75,17 @@ def fit_rounds(
             _constrain(normal, stiff[axis], leaning[:, axis], can_bend[:, axis], controls)
             _solve_monotone(normal, right, spans, axis, slopes, controls)
             # Matches follow a step only in part, so that a longer one converges in fewer rounds.
-            ahead = RELAXATION if 0 < turn < rounds - 2 else 1.0
+            ahead = RELAXATION if 0 < iteration < rounds - 2 else 1.0
             for j in range(unknowns):
                 solution[axis, j] += ahead * (right[j] - solution[axis, j])
-        _bound(solution, growth, limits, spans, slopes, group, controls)
+        bound_growth(solution, growth, limits, spans, slopes, group, controls)
         apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution, growth, limits, moved)
 
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _constrain(normal, stiff, leaning, can_bend, controls):
-    """Adds stiffness to the lower half of `normal` (U, U), and holds leans and bends that are not free at 0."""
+    """Adds stiffness to the lower half of `normal` (U, U); holds leans and bends at 0 unless free."""
     for j in range(len(normal)):
         for k in range(j + 1):
             normal[j, k] += stiff[j, k]
@@ -99,7 +99,7 @@ def _constrain(normal, stiff, leaning, can_bend, controls):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _solve_monotone(normal, right, spans, axis, slopes, controls):
-    """Solves in place for `right` (U,), with the least stiffness of the spline with which it folds nowhere."""
+    """Solves in place for `right` (U,), the spline as stiff as it must be to fold nowhere."""
     before, pull = normal.copy(), right.copy()
     solve(normal, right)
     for smoother in STIFFER:
@@ -145,8 +145,8 @@ def _folds(values, spans, axis, slope):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _bound(solution, growth, limits, spans, slopes, group, controls):
-    """Clips each part's own growth so that its box neither vanishes nor turns inside out, nor folds anywhere in it."""
+def bound_growth(solution, growth, limits, spans, slopes, group, controls):
+    """Clips each part's own growth so that its box neither vanishes nor folds."""
     for part in range(len(group)):
         grow = controls + KINDS * group[part] + 1
         for axis in range(3):

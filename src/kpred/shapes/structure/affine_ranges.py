@@ -1,4 +1,4 @@
-"""Along which stretches of an axis a part must be mapped affinely, so that what is planar or round stays so.
+"""Ranges along each axis over which the map of a part must be affine, so that facets stay planar.
 
 A map x' = f(x), y' = g(y), z' = h(z) keeps every facet along the axes planar, whatever f, g and h are. A facet whose
 normal has a component along x and others stays planar only where f is affine over the x that the facet covers.
@@ -40,7 +40,7 @@ def affine_ranges(
 
 
 def ends_only(vertices: Float[np.ndarray, "vertices 3"]) -> Bool[np.ndarray, "3"]:
-    """Mark the axes along which a part has vertices at its two ends alone, as a board has: any map stretches it."""
+    """Mark the axes along which a part has vertices at its two ends alone, as a board has."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     inside = (vertices > low + _JOINED) & (vertices < high - _JOINED)
     found: np.ndarray = ~inside.any(axis=0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from kpred.ops.typing import Float, Int
+from kpred.ops.typing import Bool, Float, Int
 from kpred.shapes.structure.affine_ranges import affine_ranges, ends_only
 from kpred.shapes.structure.contacts import contacts
 from kpred.shapes.structure.facets import planar_facets
@@ -29,48 +31,86 @@ def find_structure(
     """
     place = np.asarray(vertices, dtype=np.float64)
     part_of = vertex_parts(place, faces)
-    facets = planar_facets(place, faces)
-    corners = place[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    doubled = np.linalg.norm(cross, axis=1)
-    normals = cross / np.maximum(doubled, 1e-30)[:, None]
     face_parts, count = part_of[faces[:, 0]], int(part_of.max()) + 1
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    axes, boxes = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 2, 3))
-    curved, area, ranges = np.zeros(count, bool), np.zeros(count), []
-    ends = np.zeros((count, 3), bool)
-    for part in range(count):
-        mine, own = np.flatnonzero((face_parts == part) & (doubled > 0)), place[part_of == part]
-        areas, planar = doubled[mine] / 2, (facets[mine] >= 0).astype(np.float64)
-        area[part] = areas.sum()
-        curved[part] = float((areas * planar).sum()) < 0.5 * area[part]
-        axes[part] = own_axes(normals[mine], areas, planar, own)
-        local = own @ axes[part].T
-        ends[part] = ends_only(own)
-        boxes[part] = local.min(axis=0), local.max(axis=0)
-        if (axes[part] == np.eye(3)).all():
-            found = affine_ranges(normals[mine], low[mine], high[mine])
-        else:
-            middle = boxes[part].mean(axis=0) @ axes[part]
-            reach = (boxes[part, 1] - boxes[part, 0]) / 2 @ np.abs(axes[part])
-            found = [(axis, float(middle[axis] - reach[axis]), float(middle[axis] + reach[axis])) for axis in range(3)]
-        ranges += [(part, *one) for one in found]
+    facets = planar_facets(place, faces)
+    surface = _Surface.of(place[faces], facets)
+    own = [_own_box(surface.of_part(face_parts == part), place[part_of == part]) for part in range(count)]
+    axes, boxes = np.stack([box.axes for box in own]), np.stack([box.box for box in own])
     everything = np.concatenate([place, np.asarray(points, dtype=np.float64)])
     touching, where = contacts(axes, boxes, everything, np.concatenate([part_of, face_parts[point_faces]]))
     part_low, part_high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(part_low, part_of, place)
     np.maximum.at(part_high, part_of, place)
-    mirror, partners = mirror_symmetry(part_low, part_high, area)
+    mirror, partners = mirror_symmetry(part_low, part_high, np.array([box.area for box in own]))
+    ranges = [(part, *found) for part, box in enumerate(own) for found in box.ranges]
     return Structure(
         vertex_parts=part_of,
         facets=facets,
         axes=axes,
         boxes=boxes,
-        curved=curved,
+        curved=np.array([box.curved for box in own]),
         contact_parts=touching,
         contact_points=where,
         mirror=mirror,
         mirrored_parts=partners,
-        ends_only=ends,
+        ends_only=np.stack([box.ends_only for box in own]),
         affine_ranges=np.array(ranges, dtype=np.float64).reshape(-1, 4),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Faces with an area.
+
+    Attributes:
+        normals: (F, 3) unit normals by winding; areas: (F,); planar: (F,) 1 for faces of planar facets.
+        low, high: (F, 3) corners of each face's box.
+    """
+
+    normals: Float[np.ndarray, "faces 3"]
+    areas: Float[np.ndarray, " faces"]
+    planar: Float[np.ndarray, " faces"]
+    low: Float[np.ndarray, "faces 3"]
+    high: Float[np.ndarray, "faces 3"]
+
+    @classmethod
+    def of(cls, corners: Float[np.ndarray, "faces corners 3"], facets: Int[np.ndarray, " faces"]) -> _Surface:
+        """Measure all faces; areas of 0 are kept until `of_part`."""
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        doubled = np.linalg.norm(cross, axis=1)
+        normals = cross / np.maximum(doubled, 1e-30)[:, None]
+        planar = (facets >= 0).astype(np.float64)
+        return cls(normals, doubled / 2, planar, corners.min(axis=1), corners.max(axis=1))
+
+    def of_part(self, mine: Bool[np.ndarray, " faces"]) -> _Surface:
+        """Take the faces of one part that have an area."""
+        rows = np.flatnonzero(mine & (self.areas > 0))
+        return _Surface(self.normals[rows], self.areas[rows], self.planar[rows], self.low[rows], self.high[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class _OwnBox:
+    """One part as `Structure` lists it: its area, own axes and box, affine ranges (axis, low, high)."""
+
+    area: float
+    curved: bool
+    axes: Float[np.ndarray, "3 3"]
+    box: Float[np.ndarray, "2 3"]
+    ends_only: Bool[np.ndarray, "3"]
+    ranges: list[tuple[int, float, float]]
+
+
+def _own_box(surface: _Surface, vertices: np.ndarray) -> _OwnBox:
+    """One part's box along its own axes, by its faces and vertices."""
+    area = float(surface.areas.sum())
+    axes = own_axes(surface.normals, surface.areas, surface.planar, vertices)
+    local = vertices @ axes.T
+    box = np.stack([local.min(axis=0), local.max(axis=0)])
+    if (axes == np.eye(3)).all():
+        ranges = affine_ranges(surface.normals, surface.low, surface.high)
+    else:
+        # An oblique part is affine throughout: over all of its box along the world's axes.
+        middle, reach = box.mean(axis=0) @ axes, (box[1] - box[0]) / 2 @ np.abs(axes)
+        ranges = [(axis, float(middle[axis] - reach[axis]), float(middle[axis] + reach[axis])) for axis in range(3)]
+    curved = float((surface.areas * surface.planar).sum()) < 0.5 * area
+    return _OwnBox(area, curved, axes, box, ends_only(vertices), ranges)

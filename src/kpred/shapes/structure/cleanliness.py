@@ -96,9 +96,7 @@ def measure_cleanliness(
     residuals = box_residuals(before, after, structure.vertex_parts, structure.axes, maps)
     shears = measure_shears(maps, structure.axes, extents)
     boxes = (structure.boxes - np.einsum("ckj,j->ck", structure.axes, low)[:, None]) / size
-    gaps = _contact_gaps(
-        maps, (structure.contact_points - low) / size, structure.contact_parts, structure.axes, boxes
-    )
+    gaps = _contact_gaps(maps, (structure.contact_points - low) / size, structure.contact_parts, structure.axes, boxes)
     flat = np.asarray((extents <= MIN_EXTENT).any(axis=1))
     return Cleanliness(
         flatness=facets.flatness,

@@ -52,7 +52,7 @@ def _shared_box(
     middle: np.ndarray,
     half: np.ndarray,
 ) -> np.ndarray | None:
-    """(2, 3) corners of the box that the surfaces of two parts share; None where they only seem to touch."""
+    """(2, 3) corners of the box that two parts' surfaces have in common; None if they only seem to touch."""
     inside = []
     for one, other in ((first, second), (second, first)):
         close = members[one][(np.abs(members[one] - middle) <= half + _NEAR).all(axis=1)]

@@ -14,7 +14,7 @@ _GENERIC = np.array([0.5377, 0.2611, 0.8017])
 
 @dataclass(frozen=True, eq=False)
 class FaceFrames:
-    """Geometry of F faces and of their 3 F half-edges; half-edge 3 f + k leads from corner k of face f to the next one.
+    """Geometry of F faces and of their half-edges: 3 f + k starts at corner k of face f.
 
     Attributes:
         normals: (F, 3) unit normals by winding; zero for faces of no area.

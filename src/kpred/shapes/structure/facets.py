@@ -1,4 +1,4 @@
-"""Planar facets of a mesh: connected coplanar faces, told apart from the strips of a tessellated curved surface."""
+"""Planar facets of a mesh: connected coplanar faces, separate from the strips of a tessellated curved surface."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def planar_facets(
 
 
 def _adopted_normals(frames: FaceFrames, edges: np.ndarray) -> np.ndarray:
-    """Normals where a face of no area has that of its neighbour at its longest edge, so that it separates no facet."""
+    """Normals (F, 3); a face of no area has that of its neighbour at its longest edge."""
     normals = frames.normals.copy()
     thin: np.ndarray = frames.areas <= 0
     if not thin.any():

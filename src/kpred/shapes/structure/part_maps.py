@@ -45,7 +45,7 @@ def fit_part_maps(
     parts: Int[np.ndarray, " vertices"],
     count: int,
 ) -> PartMaps:
-    """Fit the affine map of each of `count` parts to its vertices; both meshes about as large as the unit box.
+    """Fit the affine map of each of `count` parts to its vertices; both meshes in about a unit box.
 
     What the vertices of a part leave open (the direction across a flat one) follows the map of the whole mesh.
     """
@@ -80,7 +80,7 @@ def own_extents(
 def measure_shears(
     maps: PartMaps, axes: Float[np.ndarray, "parts 3 3"], extents: Float[np.ndarray, "parts 3"]
 ) -> Float[np.ndarray, " parts"]:
-    """Compute by how many degrees at most the images of two own axes of a part are off 90; flat axes are left out."""
+    """Compute the largest change of the right angles between each part's own axes, degrees; flat axes aside."""
     images = np.einsum("pij,pkj->pki", maps.linear, axes)
     units = images / np.maximum(np.linalg.norm(images, axis=2, keepdims=True), 1e-300)
     solid = (extents > MIN_EXTENT) & (units != 0).any(axis=2)

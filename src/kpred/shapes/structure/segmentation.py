@@ -15,7 +15,7 @@ MIN_SIDE = 0.04
 """A piece whose longest side is shorter than this fraction of the mesh's joins another: screws follow their board."""
 
 _WELD = 1e-5
-"""Vertices nearer than this fraction of the mesh's size are one, where triangles share none."""
+"""Vertices nearer than this fraction of the mesh's size are one, where triangles have none in common."""
 
 
 def vertex_parts(
@@ -49,7 +49,7 @@ def vertex_parts(
 
 
 def _components(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(V,) component of each vertex; positions are welded where the faces share hardly any vertices."""
+    """(V,) component of each vertex; positions are welded where hardly any faces are connected."""
     found = _connected(faces, np.arange(len(vertices)))
     if found[faces[:, 0]].max(initial=0) + 1 > len(faces) / 2 and len(faces) > 2:
         size = float(np.ptp(vertices, axis=0).max()) or 1.0

@@ -15,7 +15,7 @@ def _no_ranges() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Structure of a mesh of V vertices and F faces: C parts, M contact points. All in the frame of the vertices.
+    """Structure of a mesh of V vertices, F faces, C parts, M contact points; frame of the vertices.
 
     Attributes:
         vertex_parts: (V,) part of each vertex, 0 to C - 1.

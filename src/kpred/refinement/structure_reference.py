@@ -1,0 +1,233 @@
+"""The rounds of the structure-keeping fit in plain numpy: dense rows, brute-force neighbours, `np.linalg.solve`.
+
+Slow; `kpred.refinement.structure_cpu` is held equal to it by tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpred.ops.typing import Bool, Float, Int
+from kpred.refinement.matching_cpu import MIN_SEEN, SEEN
+from kpred.refinement.structure_basis import KINDS, RIGID
+from kpred.refinement.structure_cpu import FLATTEST, LINEAR, RELAXATION, STIFFER
+
+MOVE, GROW, LEAN, BEND = range(KINDS)
+
+LEAST_LEAN = 1e-4
+"""A part that leans by less, as a fraction of its half side, is not rotated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The maps of one model at N points of it, sorted by part; see `kpred.refinement.structure_cpu.fit_rounds`."""
+
+    spline: Float[np.ndarray, "3 controls points"]
+    own: Float[np.ndarray, "3 kinds points"]
+    bounds: Int[np.ndarray, " ends"]
+    group: Int[np.ndarray, " parts"]
+    boxes: Float[np.ndarray, "parts 13"]
+    lean_axis: Int[np.ndarray, "parts 3"]
+    points: Float[np.ndarray, "points 3"]
+    growth: Float[np.ndarray, "parts 3 unknowns"]
+    limits: Float[np.ndarray, "parts 3 3"]
+
+    @property
+    def controls(self) -> int:
+        """Controls of the spline."""
+        return self.spline.shape[1]
+
+    @property
+    def parts(self) -> Int[np.ndarray, " points"]:
+        """Part of each point."""
+        return np.repeat(np.arange(len(self.group)), np.diff(self.bounds))
+
+    def column(self, part: int, kind: int) -> int:
+        """Number of an unknown of a part."""
+        return int(self.controls + KINDS * self.group[part] + kind)
+
+    def rows(self, axis: int) -> Float[np.ndarray, "points unknowns"]:
+        """Compute the dense rows of all points along one axis, float64."""
+        parts = self.parts
+        found = np.zeros((len(parts), self.growth.shape[2]))
+        found[:, : self.controls] = self.spline[axis].T
+        for kind in range(KINDS):
+            found[np.arange(len(parts)), self.controls + KINDS * self.group[parts] + kind] = self.own[axis, kind]
+        return found
+
+    def apply(self, solution: Float[np.ndarray, "3 unknowns"]) -> Float[np.ndarray, "points 3"]:
+        """Compute where a solution takes the points."""
+        straight = solution.copy()
+        straight[:, self.controls + LEAN :: KINDS] = straight[:, self.controls + BEND :: KINDS] = 0.0
+        moved = self.points + np.stack([self.rows(axis) @ straight[axis] for axis in range(3)], axis=1)
+        for part in range(len(self.group)):
+            mine = slice(self.bounds[part], self.bounds[part + 1])
+            if self.bounds[part] == self.bounds[part + 1]:
+                continue
+            lean = self._lean(part, solution)
+            if self.boxes[part, 12] > 0 or np.abs(lean).max() > LEAST_LEAN:
+                moved[mine] = self._rotated(part, solution, lean, moved[mine])
+            moved[mine] += (self.own[:, BEND, mine] * solution[:, self.column(part, BEND)][:, None]).T
+        return moved
+
+    def _lean(self, part: int, solution: np.ndarray) -> np.ndarray:
+        """(3,) slope of each coordinate along its lean axis; mirrored parts lean against each other."""
+        mine, across = slice(self.bounds[part], self.bounds[part + 1]), self.lean_axis[part]
+        local = self.points[mine][:, across] - self.boxes[part, 9:12][across]
+        sign = np.sign((self.own[:, LEAN, mine].T * local).sum(axis=0))
+        found: np.ndarray = sign * solution[:, self.column(part, LEAN)] / self.limits[part, across, 2]
+        return found
+
+    def _rotated(self, part: int, solution: np.ndarray, lean: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Points of a part, rotated and scaled along its own axes."""
+        mine, middle = slice(self.bounds[part], self.bounds[part + 1]), self.boxes[part, 9:12]
+        axes, grown = self.boxes[part, :9].reshape(3, 3), (self.growth[part] * solution).sum(axis=1)
+        factor = 1.0 + grown / (2.0 * self.limits[part, :, 2])
+        matrix = np.diag(factor)
+        for axis in range(3):
+            matrix[axis, self.lean_axis[part, axis]] += lean[axis]
+        # Images of the own axes, each made perpendicular to the longer ones and not normalised.
+        directions, lengths = np.linalg.qr(matrix @ axes.T)
+        images = directions * np.diag(lengths)
+        source = self.points[mine] - middle
+        if self.boxes[part, 12] > 0:
+            place, local = moved[0] - factor * source[0], source
+        else:
+            place = (moved - factor * source).mean(axis=0)
+            local = (moved - place) / factor
+        rotated: np.ndarray = place + local @ axes.T @ images.T
+        return rotated
+
+
+def fit_rounds_reference(
+    spline: np.ndarray,
+    own: np.ndarray,
+    bounds: np.ndarray,
+    group: np.ndarray,
+    boxes: np.ndarray,
+    lean_axis: np.ndarray,
+    points: np.ndarray,
+    start: np.ndarray,
+    visible: np.ndarray,
+    held: np.ndarray,
+    goal: np.ndarray,
+    stiff: np.ndarray,
+    growth: np.ndarray,
+    limits: np.ndarray,
+    spans: np.ndarray,
+    slopes: np.ndarray,
+    can_lean: np.ndarray,
+    can_bend: np.ndarray,
+    feet: np.ndarray,
+    floor: float,
+    rounds: int,
+    robust: float,
+    minimum: float,
+    lean_gain: float,
+    solution: Float[np.ndarray, "3 unknowns"],
+    moved: Float[np.ndarray, "points 3"],
+) -> None:
+    """Fill `solution` and `moved` as `kpred.refinement.structure_cpu.fit_rounds` does."""
+    family = Family(spline, own, bounds, group, boxes, lean_axis, points, growth, limits)
+    rows, leaning = [family.rows(axis) for axis in range(3)], can_lean == 2
+    moved[:] = start
+    for number in range(rounds):
+        wanted, weight = match_reference(moved, goal, visible, number % 2, robust, minimum)
+        wanted, weight = wanted + held[:, None] * start, weight + held
+        if number == rounds // 2:
+            leaning |= (can_lean == 1) & _leans_explain(family, wanted, weight, moved, lean_gain, len(can_lean))
+        ahead = RELAXATION if 0 < number < rounds - 2 else 1.0
+        for axis in range(3):
+            extra = feet if axis == 1 else 0.0 * feet
+            pull = wanted[:, axis] - weight * points[:, axis] + extra * (floor - points[:, 1])
+            normal = rows[axis].T @ ((weight + extra)[:, None] * rows[axis]) + stiff[axis]
+            forbidden = np.zeros(len(normal))
+            forbidden[family.controls + LEAN :: KINDS] = RIGID * ~leaning[:, axis]
+            forbidden[family.controls + BEND :: KINDS] = RIGID * (can_bend[:, axis] == 0)
+            found = _monotone(normal + np.diag(forbidden), rows[axis].T @ pull, family.controls, spans, slopes, axis)
+            solution[axis] += ahead * (found - solution[axis])
+        _clip_growth(family, solution, spans, slopes)
+        moved[:] = family.apply(solution)
+
+
+def match_reference(
+    moved: Float[np.ndarray, "points 3"],
+    goal: Float[np.ndarray, "goal 3"],
+    visible: Float[np.ndarray, " points"],
+    first: int,
+    robust: float,
+    minimum: float,
+) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, " points"]]:
+    """Match every second point of each cloud to the nearest of the other: weighted sums of places, and weights."""
+    wanted, weight = np.zeros((len(moved), 3)), np.zeros(len(moved))
+    seen = np.flatnonzero(visible >= SEEN)
+    seen = seen if len(seen) >= MIN_SEEN else np.arange(len(moved))
+    queries = goal[first::2].astype(np.float64)
+    squared = ((queries[:, None] - moved[seen].astype(np.float64)[None]) ** 2).sum(axis=2)
+    rows, ratio = seen[squared.argmin(axis=1)], _robust(squared.min(axis=1), robust, minimum) / len(queries)
+    np.add.at(wanted, rows, ratio[:, None] * queries)
+    np.add.at(weight, rows, ratio)
+    some = np.arange(first, len(moved), 2)
+    squared = ((moved[some].astype(np.float64)[:, None] - goal[None]) ** 2).sum(axis=2)
+    ratio = visible[some] * _robust(squared.min(axis=1), robust, minimum) / len(some)
+    wanted[some] += ratio[:, None] * goal[squared.argmin(axis=1)]
+    weight[some] += ratio
+    return wanted, weight
+
+
+def _robust(squared: np.ndarray, robust: float, minimum: float) -> np.ndarray:
+    """Weights of matches by their squared distances; the median decides what is far."""
+    if robust <= 0:
+        return np.ones(len(squared))
+    scale = np.sort(squared)[(len(squared) - 1) // 2] * robust + minimum
+    found: np.ndarray = (scale / (scale + squared)) ** 2
+    return found
+
+
+def _leans_explain(
+    family: Family, wanted: np.ndarray, weight: np.ndarray, moved: np.ndarray, lean_gain: float, groups: int
+) -> Bool[np.ndarray, "groups 3"]:
+    """Whether a lean of each group along each axis explains enough of what is still off."""
+    group, lean = family.group[family.parts], family.own[:, LEAN].T
+    residual = wanted - weight[:, None] * moved
+    pull, hold, off = np.zeros((3, groups, 3))
+    np.add.at(pull, group, lean * residual)
+    np.add.at(hold, group, lean**2 * weight[:, None])
+    np.add.at(off, group, residual**2 / np.maximum(weight, 1e-9)[:, None])
+    gain = pull**2 / np.maximum(hold, 1e-12)
+    found: np.ndarray = (gain > lean_gain) & (gain > LINEAR * off)
+    return found
+
+
+def _monotone(
+    normal: np.ndarray, right: np.ndarray, controls: int, spans: np.ndarray, slopes: np.ndarray, axis: int
+) -> np.ndarray:
+    """Solution for one axis, with the least of the listed stiffnesses at which the spline folds nowhere."""
+    second = np.zeros_like(normal)
+    difference = np.diff(np.eye(controls), 2, axis=0)
+    second[:controls, :controls] = difference.T @ difference
+    found: np.ndarray = np.linalg.solve(normal, right)
+    for stiffness in STIFFER:
+        steps = [np.diff(found[first : last + 1]) for first, last in spans[:, axis] if first >= 0]
+        together = np.concatenate([np.zeros(0), *steps])
+        if not ((together < slopes[axis, 0]) | (together > slopes[axis, 1])).any():
+            break
+        found = np.linalg.solve(normal + stiffness * second, right)
+    return found
+
+
+def _clip_growth(family: Family, solution: np.ndarray, spans: np.ndarray, slopes: np.ndarray) -> None:
+    """Clips the growth of each part in `solution`: of its box, then of its flattest place."""
+    for part in range(len(family.group)):
+        grow = family.column(part, GROW)
+        for axis in range(3):
+            low, high, half = family.limits[part, axis]
+            grown = float(family.growth[part, axis] @ solution[axis])
+            solution[axis, grow] += (np.clip(grown, low, high) - grown) / 2
+            first, last = spans[part, axis]
+            if first >= 0:
+                least = np.diff(solution[axis, first : last + 1]).min() if last > first else np.inf
+                slope = least / slopes[axis, 2] + solution[axis, grow] / half
+                solution[axis, grow] += max(FLATTEST - 1.0 - slope, 0.0) * half
