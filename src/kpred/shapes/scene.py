@@ -120,7 +120,7 @@ def scene_name(path: Path) -> str:
 
 
 def _faces(file: Path, count: int) -> np.ndarray | None:
-    from kpred.shapes.scan_ply import read_ply_header
+    from kpred.shapes.ply_header import read_ply_header
 
     if not read_ply_header(file).count("face"):
         return None
