@@ -72,8 +72,8 @@ class GltfFile:
         for name in _MESHOPT:
             if name in (extensions or {}):
                 packed = (extensions or {})[name]
-                stride = whole(packed, "byteStride", self.path)
-                return self._decoded(packed, stride, name), stride
+                width = whole(packed, "byteStride", self.path)
+                return self._decoded(packed, width, name), width
         stride = whole(view, "byteStride", self.path) if "byteStride" in view else None
         return self._slice(view), stride
 

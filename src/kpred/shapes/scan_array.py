@@ -60,7 +60,7 @@ def npz_points(path: Path) -> Iterator[np.ndarray]:
 
 
 def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) -> Iterator[np.ndarray]:
-    shape, by_column, dtype = _header(stream, name)
+    shape, by_column, dtype = array_header(stream, name)
     count = 1
     for side in shape:
         count *= side
@@ -80,8 +80,8 @@ def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) 
     if len(shape) == 2 and shape[1] >= 3 and shape[0] >= _MIN_POINTS and not by_column and shape[1] <= _MAX_WIDTH:
         yield from _rows(stream, name, shape[0], shape[1], dtype)
         return
-    array = _whole(stream, name, count, dtype).reshape(shape[::-1] if by_column else shape)
-    array = array.T if by_column else array
+    data = _whole(stream, name, count, dtype)
+    array = data.reshape(shape[::-1]).T if by_column else data.reshape(shape)
     if len(shape) == 3:
         # Organised clouds, channels last or first.
         table = array.reshape(-1, shape[2]) if 3 <= shape[2] <= _MAX_WIDTH else array.reshape(shape[0], -1).T
@@ -92,7 +92,12 @@ def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) 
     yield from _blocks(table)
 
 
-def _header(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+def array_header(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Read shape, order (whether column by column) and type of a .npy file, before memory is taken for its array.
+
+    Raises:
+        ScanError: damaged, or an array of Python objects.
+    """
     try:
         version = np.lib.format.read_magic(stream)
         reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

@@ -13,7 +13,6 @@ from kpred.errors import ScanError
 from kpred.shapes.lzf import decompress_lzf
 from kpred.shapes.records import BLOCK_ROWS, binary_records, text_records, truncated
 
-
 _KINDS = ("f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
 _MAX_COUNT = 65536
 """Numbers of one field; descriptors have some hundred."""

@@ -1,4 +1,4 @@
-"""Lines of text files in the encoding and with the line endings that a program wrote: UTF-8, UTF-16, UTF-32; CR alone."""
+"""Lines of text files as a program wrote them: in UTF-8, UTF-16 or UTF-32, ended by line feeds or returns."""
 
 from __future__ import annotations
 
