@@ -25,7 +25,7 @@ def depth_camera(
     height, width = depth.shape
     size = intrinsics.size or (width, height)
     try:
-        camera = Camera(intrinsics.matrix, *size, camera_to_world).resized(width, height)
+        camera = Camera(intrinsics.matrix, size[0], size[1], camera_to_world).resized(width, height)
     except ConfigError as error:
         if size == (width, height):
             raise

@@ -46,9 +46,10 @@ class IntrinsicsFile:
 def read_intrinsics_file(path: str | os.PathLike[str], picture: Size | None = None) -> IntrinsicsFile:
     """Read the intrinsics of a depth camera; where the file describes several cameras, that of the `picture`'s size.
 
-    Text: 3 x 3, 4 x 4 (ScanNet), `fx fy cx cy`, `width height fx fy cx cy` (ARKit pincam), COLMAP cameras, `key = value`
-    lines (ScanNet). JSON and YAML: fx, fy, cx, cy under the names of RealSense, ROS, nerfstudio, ORB-SLAM, Kalibr or
-    Azure Kinect, or a matrix under intrinsic_matrix (Open3D, column by column), camera_matrix, K, ... NumPy: the matrix.
+    Text: 3 x 3, 4 x 4 (ScanNet), `fx fy cx cy`, `width height fx fy cx cy` (ARKit pincam), COLMAP cameras, lines of
+    `key = value` (ScanNet). JSON and YAML: fx, fy, cx, cy under the names of RealSense, ROS, nerfstudio, ORB-SLAM,
+    Kalibr or Azure Kinect, or a matrix under intrinsic_matrix (Open3D, column by column), camera_matrix, K, ...
+    NumPy: the matrix.
 
     Args:
         picture: size of the depth picture, where it is known.
@@ -106,8 +107,10 @@ def _cameras(file: Path, content: Any, picture: Size | None) -> Iterator[tuple[i
                     size = sizes.get(suffix) or next(iter(sizes.values()), None)
                     yield rank, _of_array(file, numbers(file, value)), size
                     break
-        if isinstance(lowered.get("modelparameters"), list):
-            yield rank, *_azure(file, lowered, picture)
+        inner = lowered.get("intrinsics")
+        model = {str(key).lower(): value for key, value in inner.items()} if isinstance(inner, dict) else {}
+        if isinstance(model.get("modelparameters"), list):
+            yield rank, *_azure(file, lowered | model, picture)
 
 
 def _of_rows(file: Path, content: Any) -> list[tuple[np.ndarray, Size | None]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections.abc import Iterator
@@ -18,11 +19,12 @@ from kpred.shapes.text_lines import open_lines
 TEXT_EXTENSIONS = (".txt", ".pincam", ".cam", ".info", ".conf", ".ini")
 EXTENSIONS = (*TEXT_EXTENSIONS, ".json", ".yaml", ".yml", ".npy")
 
-_MAX_BYTES = {".yaml": 1 << 20, ".yml": 1 << 20}
+_MAX_BYTES = {".yaml": 1 << 18, ".yml": 1 << 18}
 _MAX_OTHER = 1 << 26
 """Bytes of such a file; more are no settings of a camera."""
 
 _MAX_DEPTH = 12
+_MAX_BRACKETS = 64
 _KEYED = re.compile(r"\s*([A-Za-z_][\w. \-/]*?)\s*[=:]\s*(.+?)\s*$")
 
 
@@ -95,6 +97,10 @@ def _yaml(text: str) -> Any:
 
     # OpenCV writes a header of its own and tags of its own, behind which stand plain values.
     plain = re.sub(r"^%YAML.*$", "", text, flags=re.MULTILINE).replace("!!opencv-matrix", "")
+    # The parser's time is quadratic in the depth of brackets.
+    depth = itertools.accumulate({"[": 1, "{": 1, "]": -1, "}": -1}.get(letter, 0) for letter in plain)
+    if max(depth, default=0) > _MAX_BRACKETS:
+        raise ValueError("nested too deeply")
     # Aliases can make little text expand without end.
     if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(plain, Loader=yaml.SafeLoader)):
         raise ValueError("aliases are not read")

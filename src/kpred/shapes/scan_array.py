@@ -22,6 +22,8 @@ _MAX_BYTES = 1 << 32
 """Of an array that must be read whole, because its coordinates do not lie point by point."""
 
 _MAX_WIDTH = 4096
+_MAX_CHANNELS = 16
+"""Values a point of an organised cloud: coordinates, normal, colour and the like."""
 
 
 def npy_points(path: Path) -> Iterator[np.ndarray]:
@@ -81,15 +83,26 @@ def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) 
         yield from _rows(stream, name, shape[0], shape[1], dtype)
         return
     data = _whole(stream, name, count, dtype)
-    array = data.reshape(shape[::-1]).T if by_column else data.reshape(shape)
+    array = np.reshape(data, shape, order="F" if by_column else "C")
+    yield from _blocks(_table(array, wrong))
+
+
+def _table(array: np.ndarray, wrong: ScanError) -> np.ndarray:
+    """(N, 3 or more) points of an array of two axes, or of three, as organised clouds have them."""
+    shape = array.shape
     if len(shape) == 3:
-        # Organised clouds, channels last or first.
-        table = array.reshape(-1, shape[2]) if 3 <= shape[2] <= _MAX_WIDTH else array.reshape(shape[0], -1).T
-    else:
-        table = array.T if 3 <= shape[0] < _MIN_POINTS <= shape[1] else array
-    if table.shape[1] < 3:
+        if 3 <= shape[2] <= _MAX_CHANNELS and (shape[0] != 3 or shape[2] == 3):
+            return array.reshape(-1, shape[2])
+        if 3 <= shape[0] <= _MAX_CHANNELS:
+            return array.reshape(shape[0], -1).T
         raise wrong
-    yield from _blocks(table)
+    if shape[1] >= _MIN_POINTS > shape[0]:
+        if shape[0] < 3:
+            raise wrong
+        return array.T
+    if shape[1] < 3:
+        raise wrong
+    return array
 
 
 def array_header(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> tuple[tuple[int, ...], bool, np.dtype]:

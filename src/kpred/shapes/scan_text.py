@@ -38,8 +38,10 @@ def text_points(path: Path) -> Iterator[np.ndarray]:
                 raise ScanError(f"{path}: it is not a text file of points; give lines of x y z, or another format.")
             is_comment = content.startswith((b"#", b"//", b"%"))
             # Comments too: "# x y z" and "//X Y Z" are how many programs write the names of columns.
-            values = split_line(content.lstrip(b"#/% "))
-            named = name_columns(values)
+            bare = content.lstrip(b"#/% ")
+            values = split_line(bare)
+            # Names may hold blanks where tabs separate them.
+            named = name_columns(bare.split(b"\t") if b"\t" in bare else values)
             if named is not None:
                 columns = named
             elif not content or is_comment:
