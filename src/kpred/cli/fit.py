@@ -77,10 +77,12 @@ class FitCommand(Command):
         from kpred.fitting.fit_scan import fit
         from kpred.nn import load_model
         from kpred.shapes import read_scan
+        from kpred.shapes.mesh_output import check_precision
 
         self._check()
         check_output(self.output, self.scan)
         scan = read_scan(self.scan)
+        check_precision(self.output, scan)
         model = load_model(self.model) if self.model is not None else None
         database = Database.open(self.database) if self.database is not None else None
         result = fit(
