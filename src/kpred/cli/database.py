@@ -13,6 +13,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
+from kpred.database.address import masked
 
 if TYPE_CHECKING:
     from kpred.batch.ray_encoder import RayEncoder
@@ -77,21 +78,21 @@ class _Encoding(Command):
             if is_new:
                 _drop_if_empty(file)
             if isinstance(error, KeyboardInterrupt) and resume and Database.exists(file):
-                raise KeyboardInterrupt(f"{file} is whole, and the same command goes on with it") from error
+                raise KeyboardInterrupt(f"{masked(file)} is whole, and the same command goes on with it") from error
             raise
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
         if not report.added and not report.skipped_present:
             if is_new:
                 _drop_if_empty(file)
             why = left_out[0] if left_out else "no shape of that category and split is there"
-            raise DatabaseError(f"{source}: nothing could be put into {file}; {why}")
-        facts = {"path": file, "added": report.added, "present": report.skipped_present, "left_out": left_out}
+            raise DatabaseError(f"{source}: nothing could be put into {masked(file)}; {why}")
+        facts = {"path": masked(file), "added": report.added, "present": report.skipped_present, "left_out": left_out}
         output.result(facts)
         for sentence in left_out[:10]:
             output.note(f"left out: {sentence}")
         if len(left_out) > 10:
             output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
-        output.note(f"{file}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out")
+        output.note(f"{masked(file)}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out")
 
     @contextmanager
     def _cluster(self, model: Model) -> Iterator[RayEncoder | None]:
@@ -155,7 +156,7 @@ class AddCommand(_Encoding):
         from kpred.errors import DatabaseError
 
         if not Database.exists(self.file):
-            raise DatabaseError(f"{self.file}: there is no such database; `kpred database build` makes one.")
+            raise DatabaseError(f"{masked(self.file)}: there is no such database; `kpred database build` makes one.")
         self.encode(output, self.source, self.file, resume=True)
 
 
@@ -180,8 +181,8 @@ class RemoveCommand(Command):
             raise UsageError("no model was named; `kpred database search` and `info` show what there is")
         with Database.open(self.file) as database:
             removed = database.remove(self.model_ids)
-        output.result({"path": self.file, "removed": removed})
-        output.note(f"{self.file}: {removed} removed")
+        output.result({"path": masked(self.file), "removed": removed})
+        output.note(f"{masked(self.file)}: {removed} removed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,7 +297,7 @@ class CopyCommand(Command):
             raise UsageError("--batch must be at least 1.")
         with ProgressBar() as bar:
             report = copy_database(self.source, self.target, batch=self.batch, progress=bar.update)
-        output.result({"source": self.source, "target": self.target, **report.__dict__})
+        output.result({"source": masked(self.source), "target": masked(self.target), **report.__dict__})
         output.note(f"{report.copied} copied, {report.present} already there, all {report.verified} are the same")
 
 
