@@ -92,7 +92,9 @@ class _Encoding(Command):
             output.note(f"left out: {sentence}")
         if len(left_out) > 10:
             output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
-        output.note(f"{masked(file)}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out")
+        output.note(
+            f"{masked(file)}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out"
+        )
 
     @contextmanager
     def _cluster(self, model: Model) -> Iterator[RayEncoder | None]:

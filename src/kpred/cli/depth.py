@@ -77,6 +77,8 @@ class FitDepthCommand(Command):
     """Leave out the refinement of keypoints"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture of scan and result"""
+    overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Replace files beside OUT (record, picture) that kpred did not make"""
 
     def run(self, output: Output) -> None:
         """Back-project, fit, write the files, print what was chosen."""
@@ -98,7 +100,7 @@ class FitDepthCommand(Command):
             raise UsageError("--mask-id needs --mask.")
         overlay_file = self.output.with_name(f"{self.output.stem}_overlay.png")
         for file in (*self.depth, *self.mask, *self.pose, self.intrinsics, *((self.rgb,) if self.rgb else ())):
-            check_output(self.output, file)
+            check_output(self.output, file, self.overwrite, self.picture, [overlay_file] if self.rgb else [])
             if self.rgb is not None and overlay_file.exists() and file.exists() and overlay_file.samefile(file):
                 raise OutputError(f"Cannot write {overlay_file}: it would overwrite {file}; choose another name.")
         scan = self._scan(output)

@@ -103,7 +103,12 @@ class FitManyCommand(Command):
             raise KeyboardInterrupt(
                 f"what is in {self.output} is whole, and the same command goes on with it"
             ) from error
-        facts: dict[str, Any] = {"path": self.output, "fitted": report.fitted, "present": report.present, "retried": report.retried}
+        facts: dict[str, Any] = {
+            "path": self.output,
+            "fitted": report.fitted,
+            "present": report.present,
+            "retried": report.retried,
+        }
         facts["left_out"] = report.left_out
         output.result({**facts, "failed": [{"name": name, "problem": why} for name, why in report.failed]})
         for name, why in report.failed[:10]:
