@@ -17,7 +17,9 @@ from kpred.shapes.ply_mesh import strip_triangles
 _INSTANCING = "EXT_mesh_gpu_instancing"
 _DRACO = "KHR_draco_mesh_compression"
 _MAX_PLACED = 10_000_000
-"""Vertices that instances may make beyond those of the file."""
+"""Vertices and faces that instances may make beyond those of the file."""
+
+_MAX_INSTANCES = 100_000
 
 _Primitive = tuple[np.ndarray, np.ndarray]
 """(V, 3) float64 vertices and (F, 3) int64 faces in the frame of the mesh."""
@@ -34,20 +36,22 @@ def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     file = read_gltf_file(path)
     meshes: dict[int, list[_Primitive]] = {}
+    positions: dict[int, np.ndarray] = {}
     vertices, faces, parts = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
-    count = number = stored = 0
+    count = number = stored = placed = 0
     for node, world in _nodes(file):
         if "mesh" not in node:
             continue
         mesh = node["mesh"]
         entry = file.item("meshes", mesh)
         if mesh not in meshes:
-            meshes[mesh] = list(_primitives(file, entry, node))
-            stored += sum(len(points) for points, _ in meshes[mesh])
+            meshes[mesh] = list(_primitives(file, entry, node, positions))
+            stored += sum(len(points) + len(triangles) for points, triangles in meshes[mesh])
         for local in _instances(file, node):
             matrix = world @ local
             for points, triangles in meshes[mesh]:
-                if count + len(points) > stored + _MAX_PLACED:
+                placed += len(points) + len(triangles)
+                if placed > stored + _MAX_PLACED:
                     raise MeshError(f"{path}: its instances have too many vertices; export fewer of them.")
                 vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
                 # A mirrored part keeps its outside outside.
@@ -124,6 +128,8 @@ def _instances(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
         if key in attributes
     }
     count = len(next(iter(found.values()))) if found else 0
+    if count > _MAX_INSTANCES:
+        raise MeshError(f"{file.path}: its {count} instances are too many; export fewer of them.")
     widths = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
     for key, values in found.items():
         if values.shape != (count, widths[key]) or not np.isfinite(values).all():
@@ -136,7 +142,10 @@ def _instances(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
         )
 
 
-def _primitives(file: GltfFile, mesh: dict[str, Any], node: dict[str, Any]) -> Iterator[_Primitive]:
+def _primitives(
+    file: GltfFile, mesh: dict[str, Any], node: dict[str, Any], positions: dict[int, np.ndarray]
+) -> Iterator[_Primitive]:
+    """The meshes of one node; `positions` keeps accessors, which many primitives may have in common."""
     weights = node.get("weights", mesh.get("weights"))
     entries = mesh.get("primitives")
     for primitive in entries if isinstance(entries, list) else []:
@@ -149,20 +158,28 @@ def _primitives(file: GltfFile, mesh: dict[str, Any], node: dict[str, Any]) -> I
         if isinstance(extensions, dict) and isinstance(extensions.get(_DRACO), dict):
             yield _draco(file, extensions[_DRACO])
             continue
-        vertices = _positions(file, primitive, weights if isinstance(weights, list) else [])
+        vertices = _positions(file, primitive, weights if isinstance(weights, list) else [], positions)
         indices = np.arange(len(vertices))
         if primitive.get("indices") is not None:
             indices = read_accessor(file, primitive["indices"])[:, 0]
             if indices.dtype.kind == "f" or (len(indices) and indices.max() >= len(vertices)) or (indices < 0).any():
                 raise MeshError(f"{file.path}: a face names a vertex that does not exist; export the mesh again.")
+        if len(vertices) > len(indices):
+            used, indices = np.unique(indices, return_inverse=True)
+            vertices = vertices[used]
         yield vertices, _triangles(file, indices.astype(np.int64), mode)
 
 
-def _positions(file: GltfFile, primitive: dict[str, Any], weights: list[Any]) -> np.ndarray:
+def _positions(
+    file: GltfFile, primitive: dict[str, Any], weights: list[Any], known: dict[int, np.ndarray]
+) -> np.ndarray:
     attributes = primitive.get("attributes")
     if not isinstance(attributes, dict) or "POSITION" not in attributes:
         raise MeshError(f"{file.path}: one of its meshes has no positions; export it again.")
-    vertices = read_accessor(file, attributes["POSITION"]).astype(np.float64)
+    number = attributes["POSITION"]
+    if number not in known:
+        known[number] = read_accessor(file, number).astype(np.float64)
+    vertices = known[number]
     targets = primitive.get("targets")
     for weight, target in zip(weights, targets if isinstance(targets, list) else [], strict=False):
         if isinstance(weight, int | float) and weight and isinstance(target, dict) and "POSITION" in target:
