@@ -117,6 +117,7 @@ AZURE = {
         ("record3d.json", json.dumps({"K": np.ravel(K, "F").tolist(), "w": 320, "h": 240}), SIZE, None),
         ("matrix.json", json.dumps({"depth": {"intrinsics": K, **PLAIN}}), SIZE, None),
         ("nested.json", json.dumps({"color": {"K": [9.0, 0, 1, 0, 9, 1, 0, 0, 1]}, "depth": {"K": FLAT}}), None, None),
+        ("words.json", json.dumps({"fx": "290", "fy": "291.0", "cx": "159.5", "cy": "1.195e2"}), None, None),
         ("lists.json", json.dumps({"focal_length": [290.0, 291.0], "principal_point": [159.5, 119.5]}), None, None),
     ],
 )
@@ -215,6 +216,7 @@ def test_every_key_has_its_convention(tmp_path: Path, pose: np.ndarray) -> None:
         "inverse.json": {"world_to_camera": inverse.tolist()},
         "open3d.json": {"extrinsic": inverse.ravel("F").tolist(), "intrinsic": {}},
         "frames.json": {"frames": frames},
+        "scannetpp.json": {"a": {"pose": np.eye(4).tolist()}, "b": {"pose": pose.tolist(), "aligned_pose": "none"}},
     }
     for name, content in contents.items():
         (tmp_path / name).write_text(json.dumps(content))
@@ -229,4 +231,8 @@ def test_a_pose_among_several_frames_must_be_that_of_the_picture(tmp_path: Path)
     frames = [{"file_path": name, "transform_matrix": np.eye(4).tolist()} for name in ("a.png", "b.png")]
     (tmp_path / "t.json").write_text(json.dumps({"frames": frames}))
     with pytest.raises(ConfigError, match=r"t\.json: it holds the poses of 2 frames"):
+        read_pose(tmp_path / "t.json", "c.png")
+    poses = {"a": {"pose": np.eye(4).tolist()}, "b": {"pose": np.diag([1.0, -1, -1, 1]).tolist()}}
+    (tmp_path / "t.json").write_text(json.dumps(poses))
+    with pytest.raises(ConfigError, match=r"t\.json: it holds 2 poses"):
         read_pose(tmp_path / "t.json", "c.png")

@@ -36,6 +36,7 @@ def text_of(cloud: np.ndarray, layout: str) -> str:
         + rows(cloud, ",", before="0.1,0.2,0.3"),
         "surveyor": "ID;Easting;Northing;Height\n" + rows(cloud, ";", before="{}"),
         "surveyor in German": "Punkt;Rechtswert [m];Hochwert [m];Höhe [m]\n" + rows(cloud, ";", before="P{}"),
+        "heights": "Y;X;H\n" + rows(cloud[:, [1, 0, 2]], ";"),
         "units": "X [mm], Y [mm], Z [mm], I\n" + rows(cloud, ", ", after="7"),
         "pos": "time pos_x pos_y pos_z\n" + rows(cloud, " ", before="{}.5"),
         "coordinates": "X Coordinate\tY Coordinate\tZ Coordinate\n" + rows(cloud, "\t"),
@@ -57,6 +58,7 @@ LAYOUTS = [
     "ParaView",
     "surveyor",
     "surveyor in German",
+    "heights",
     "units",
     "pos",
     "coordinates",
@@ -162,3 +164,10 @@ def test_pipes_and_folders_are_refused_at_once(tmp_path):
         read_scan(tmp_path / "a.ply")
     with pytest.raises(ScanError, match="it cannot be read"):
         read_scan(tmp_path / ("a" * 5000 + ".ply"))
+
+
+def test_rasters_of_heights_are_no_points(tmp_path):
+    rows = "\n".join(" ".join(["1.5"] * 9) for _ in range(9))
+    (tmp_path / "a.asc").write_text(f"ncols 9\nnrows 9\nxllcorner 0\nyllcorner 0\ncellsize 1\n{rows}\n")
+    with pytest.raises(ScanError, match="raster of heights"):
+        read_scan(tmp_path / "a.asc")

@@ -437,6 +437,26 @@ def test_oriented_boxes_of_arkitscenes(tmp_path: Path, rng: np.random.Generator)
     assert [item.problem is None for item in found] == [True, True, False, False, False]
 
 
+def test_boxes_of_labelcloud(tmp_path: Path, rng: np.random.Generator) -> None:
+    points = rng.uniform(-3, 3, size=(3000, 3))
+    np.save(tmp_path / "room.npy", points)
+    item = {
+        "name": "chair",
+        "centroid": {"x": 0.5, "y": -0.5, "z": 0.1},
+        "dimensions": {"length": 2.0, "width": 1.0, "height": 3.0},
+        "rotations": {"x": 0.0, "y": 0.0, "z": 30.0},
+    }
+    (tmp_path / "labels.json").write_text(
+        json.dumps({"filename": "room.npy", "objects": [item, item | {"rotations": {}}]})
+    )
+    plain = [{"center": [0.5, -0.5, 0.1], "size": [2, 1, 3], "yaw": np.radians(30), "category": "chair"}]
+    (tmp_path / "boxes.json").write_text(json.dumps(plain))
+    scene = read_scene(tmp_path / "room.npy")
+    found, wanted = objects_of(scene, tmp_path / "labels.json"), objects_of(scene, tmp_path / "boxes.json")
+    assert found[0].name == "chair_0" and len(wanted[0].indices) > 50 and found[1].problem is not None
+    np.testing.assert_array_equal(found[0].indices, wanted[0].indices)
+
+
 @pytest.mark.parametrize("segments", ["segments.json", "mesh.refined.0.010000.segs.v2.json", "room_vh_clean.segs.json"])
 def test_segments_under_the_names_of_other_data_sets(tmp_path: Path, rng: np.random.Generator, segments: str) -> None:
     np.save(tmp_path / "room.npy", rng.normal(size=(300, 3)))

@@ -9,6 +9,7 @@ _TRIPLES: tuple[tuple[tuple[str, ...], ...], ...] = (
     (("x",), ("y",), ("z",)),
     (("points:0", "points_0", "points0"), ("points:1", "points_1", "points1"), ("points:2", "points_2", "points2")),
     (("coords:0", "coords_0", "coord_0"), ("coords:1", "coords_1", "coord_1"), ("coords:2", "coords_2", "coord_2")),
+    (("x",), ("y",), ("h", "height", "elevation", "elev", "altitude", "alt", "hoehe", "höhe")),
     (("px",), ("py",), ("pz",)),
     (("position:0", "position_0"), ("position:1", "position_1"), ("position:2", "position_2")),
     (

@@ -165,7 +165,7 @@ def _azure(file: Path, camera: dict[str, Any], picture: Size | None) -> tuple[np
         width = height = native
         size = picture
     else:
-        size = (int(width or 0), int(height or 0))
+        size = (int(float(width or 0)), int(float(height or 0)))
     fx, fy = values[2] * float(width or 0), values[3] * float(height or 0)
     cx, cy = values[0] * float(width or 0) - left - 0.5, values[1] * float(height or 0) - top - 0.5
     return _of_numbers([fx, fy, cx, cy]), size
@@ -181,11 +181,11 @@ def _sizes(file: Path, item: dict[str, Any]) -> dict[str, Size]:
             values = values[0]
         if len(values) != 2 or None in values or suffix in found:
             continue
-        if not all(_is_number(value) and float(value or 0) == int(value or 0) > 0 for value in values):
+        if not all(_is_number(value) and float(value or 0) == int(float(value or 0)) > 0 for value in values):
             raise ConfigError(
                 f"{file}: width and height must be whole numbers of pixels, not {values[0]!r} and {values[1]!r}."
             )
-        found[suffix] = (int(values[0] or 0), int(values[1] or 0))
+        found[suffix] = (int(float(values[0] or 0)), int(float(values[1] or 0)))
     return found
 
 
@@ -208,4 +208,10 @@ def _units_per_metre(value: float) -> float:
 
 
 def _is_number(value: Any) -> bool:
+    """Whether this is a number, or text that writes one, as some programs do."""
+    if isinstance(value, str) and len(value) < 40:
+        try:
+            return abs(float(value)) < 1e9
+        except ValueError:
+            return False
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9

@@ -13,7 +13,7 @@ from kpred.errors import ConfigError
 from kpred.shapes.camera import check_pose
 from kpred.shapes.keyed_content import dictionaries, numbers, read_keyed
 
-OPENCV_KEYS = ("camera_to_world", "cam_to_world", "cam2world", "c2w", "camera_pose", "pose", "t_wc")
+OPENCV_KEYS = ("camera_to_world", "cam_to_world", "cam2world", "c2w", "camera_pose", "aligned_pose", "pose", "t_wc")
 """Camera-to-world, x right, y down, z forward."""
 
 OPENGL_KEYS = ("transform_matrix", "transformmatrix", "cameraposearframe", "transform")
@@ -41,7 +41,7 @@ def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | No
     file = Path(path)
     content = read_keyed(file, "pose")
     if isinstance(content, dict):
-        return check_pose(_of_keys(file, _frame(file, content, picture)), str(file))
+        return check_pose(_of_keys(file, _frame(file, content, picture), picture), str(file))
     return check_pose(_square(numbers(file, content)), str(file))
 
 
@@ -60,21 +60,33 @@ def _frame(file: Path, content: dict[str, Any], picture: str | os.PathLike[str] 
     return known[0]
 
 
-def _of_keys(file: Path, content: dict[str, Any]) -> np.ndarray:
-    for _, item in dictionaries(content):
-        lowered = {str(key).lower(): value for key, value in item.items()}
-        if all(key in lowered for key in _POLYCAM):
-            rows = numbers(file, [lowered[key] for key in _POLYCAM]).reshape(3, 4)
-            return np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]]) @ _FLIP
-        for keys, convention in ((OPENCV_KEYS, "cv"), (OPENGL_KEYS, "gl"), (INVERSE_KEYS, "inverse")):
-            key = next((key for key in keys if isinstance(lowered.get(key), list)), None)
-            if key is not None:
-                return _converted(file, _square(numbers(file, lowered[key])), convention)
-        if isinstance(lowered.get("extrinsic"), list):
-            # Open3D writes it column by column, world-to-camera.
-            array = numbers(file, lowered["extrinsic"])
-            return _converted(file, array.reshape(4, 4).T if array.shape == (16,) else _square(array), "inverse")
-    raise ConfigError(f"{file}: it names no pose; give a 4 x 4 matrix under the key camera_to_world.")
+def _of_keys(file: Path, content: dict[str, Any], picture: str | os.PathLike[str] | None) -> np.ndarray:
+    """The pose that nested keys name; of several, the one that stands under the name of the picture."""
+    found = [(path, pose) for path, item in dictionaries(content) if (pose := _of_dictionary(file, item)) is not None]
+    if not found:
+        raise ConfigError(f"{file}: it names no pose; give a 4 x 4 matrix under the key camera_to_world.")
+    if len(found) > 1 and picture is not None:
+        stem = Path(picture).stem.lower()
+        found = [(path, pose) for path, pose in found if stem in path.split("/")] or found
+    if any(not np.array_equal(pose, found[0][1]) for _, pose in found):
+        raise ConfigError(f"{file}: it holds {len(found)} poses; give a file with that of the picture.")
+    return found[0][1]
+
+
+def _of_dictionary(file: Path, item: dict[str, Any]) -> np.ndarray | None:
+    lowered = {str(key).lower(): value for key, value in item.items()}
+    if all(key in lowered for key in _POLYCAM):
+        rows = numbers(file, [lowered[key] for key in _POLYCAM]).reshape(3, 4)
+        return np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]]) @ _FLIP
+    for keys, convention in ((OPENCV_KEYS, "cv"), (OPENGL_KEYS, "gl"), (INVERSE_KEYS, "inverse")):
+        key = next((key for key in keys if isinstance(lowered.get(key), list)), None)
+        if key is not None:
+            return _converted(file, _square(numbers(file, lowered[key])), convention)
+    if isinstance(lowered.get("extrinsic"), list):
+        # Open3D writes it column by column, world-to-camera.
+        array = numbers(file, lowered["extrinsic"])
+        return _converted(file, array.reshape(4, 4).T if array.shape == (16,) else _square(array), "inverse")
+    return None
 
 
 def _converted(file: Path, matrix: np.ndarray, convention: str) -> np.ndarray:

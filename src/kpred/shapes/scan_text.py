@@ -36,6 +36,8 @@ def text_points(path: Path) -> Iterator[np.ndarray]:
             content = line.removeprefix(b"\xef\xbb\xbf").strip()
             if b"\x00" in content or number > _HEADER_LINES or len(content) > 65536:
                 raise ScanError(f"{path}: it is not a text file of points; give lines of x y z, or another format.")
+            if content[:5].lower() == b"ncols":
+                raise ScanError(f"{path}: it is a raster of heights (ESRI grid), not points; export it as x y z.")
             is_comment = content.startswith((b"#", b"//", b"%"))
             # Comments too: "# x y z" and "//X Y Z" are how many programs write the names of columns.
             bare = content.lstrip(b"#/% ")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from kpred.errors import MeshError
 from kpred.shapes.categories import NYU40, STRUCTURE, nyu40_numbers
@@ -67,6 +68,21 @@ def arkit_boxes(entries: Sequence[Any]) -> list[dict[str, Any]]:
         found = {"center": box.get("centroid"), "size": box.get("axesLengths"), "axes": box.get("normalizedAxes")}
         boxes.append({"label": item.get("label"), **{key: value for key, value in found.items() if value is not None}})
     return boxes
+
+
+def labelcloud_box(item: Mapping[str, Any]) -> dict[str, Any] | None:
+    """A box as `box_members` reads it, of an object of labelCloud (z up, rotations in degrees); None if it is none."""
+    parts = [item.get(key) for key in ("centroid", "dimensions", "rotations")]
+    if not all(isinstance(part, dict) for part in parts):
+        return None
+    (centroid, sides, rotations) = (part for part in parts if isinstance(part, dict))
+    try:
+        angles = [float(rotations[axis]) for axis in "xyz"]
+        turn = Rotation.from_euler("XYZ", angles, degrees=True).as_matrix()
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return {"label": item.get("name")}
+    size = [sides.get(key) for key in ("length", "width", "height")]
+    return {"label": item.get("name"), "center": [centroid.get(axis) for axis in "xyz"], "size": size, "axes": turn.T}
 
 
 def annotated_members(scene: Scene, models: Sequence[AlignedModel]) -> list[np.ndarray | str]:

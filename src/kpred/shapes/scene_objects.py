@@ -17,7 +17,7 @@ from kpred.shapes.reading import reading
 from kpred.shapes.scan2cad import AlignedModel, SceneAnnotation, read_json
 from kpred.shapes.scan_text import text_points
 from kpred.shapes.scene import Scene
-from kpred.shapes.scene_boxes import annotated_members, arkit_boxes, box_members
+from kpred.shapes.scene_boxes import annotated_members, arkit_boxes, box_members, labelcloud_box
 from kpred.shapes.scene_instances import instance_numbers
 from kpred.shapes.scene_segments import segment_numbers
 
@@ -183,7 +183,7 @@ def _from_boxes(scene: Scene, file: Path, boxes: Sequence[Any]) -> list[SceneObj
     apart = np.zeros(len(scene.points), bool) if scene.labels is None else np.isin(scene.labels, structure)
     objects = []
     for number, item in enumerate(boxes):
-        box = item if isinstance(item, dict) else {"corners": item}
+        box = (labelcloud_box(item) or item) if isinstance(item, dict) else {"corners": item}
         label = box.get("category", box.get("label"))
         category = category_of(label) if isinstance(label, str) and label.strip() else None
         name = str(box.get("name") or f"{category or 'object'}_{number}")
