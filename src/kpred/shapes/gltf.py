@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kpred.errors import MeshError
 from kpred.shapes.gltf_accessor import read_accessor
@@ -108,6 +107,8 @@ def _transform(file: GltfFile, node: dict[str, Any]) -> np.ndarray:
 
 
 def _composed(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix() * scale
     matrix[:3, 3] = translation
