@@ -98,7 +98,7 @@ class PostgresHome:
             self._engine: Engine = create_engine(
                 url, pool_size=_POOL, max_overflow=_POOL, pool_pre_ping=True, pool_timeout=30, connect_args=arguments
             )
-        except ArgumentError as error:
+        except (ArgumentError, ValueError) as error:
             raise DatabaseError(f"{masked(address)} is no address; write postgresql://user@host/name.") from error
         except (ImportError, NoSuchModuleError) as error:
             raise ConfigError("PostgreSQL needs psycopg and Alembic; pip install 'kpred[postgres]'.") from error

@@ -178,6 +178,7 @@ def _positions(
     if not isinstance(attributes, dict) or "POSITION" not in attributes:
         raise MeshError(f"{file.path}: one of its meshes has no positions; export it again.")
     number = attributes["POSITION"]
+    file.item("accessors", number)
     if number not in known:
         known[number] = read_accessor(file, number).astype(np.float64)
     vertices = known[number]
