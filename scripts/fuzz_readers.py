@@ -279,7 +279,7 @@ def _tried(case: Case) -> str | None:
             return f"a sentence of several lines: {error}"
     except _Hang:
         return f"longer than {SECONDS:g} s"
-    except Exception as error:  # what this job looks for
+    except Exception as error:
         return f"{type(error).__name__}: {error}"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)

@@ -18,10 +18,8 @@ ADDRESSES = [
 
 WORDS = [
     ["build", "PACK", "-o", "ADDRESS"],
-    ["add", "ADDRESS", "PACK"],
     ["remove", "ADDRESS", "chair_1"],
     ["info", "ADDRESS"],
-    ["copy", "FILE", "ADDRESS"],
     ["copy", "ADDRESS", "NEW"],
     ["search", "ADDRESS", "SCAN"],
 ]
@@ -29,7 +27,7 @@ WORDS = [
 
 @pytest.mark.parametrize(
     ("address", "words"),
-    [(ADDRESSES[0], words) for words in WORDS] + [(address, WORDS[3]) for address in ADDRESSES[1:]],
+    [(ADDRESSES[0], words) for words in WORDS] + [(address, WORDS[2]) for address in ADDRESSES[1:]],
 )
 def test_no_command_prints_a_password(
     address: str, words: list[str], files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -37,11 +35,10 @@ def test_no_command_prints_a_password(
     names = {
         "ADDRESS": address,
         "PACK": str(files / "table.npz"),
-        "FILE": str(files / "tables.kpred"),
         "NEW": str(tmp_path / "new.kpred"),
         "SCAN": str(files / "scan.ply"),
     }
-    more = ["--model", str(files / "model")] if words[0] in ("build", "add", "search") else []
+    more = ["--model", str(files / "model")] if words[0] in ("build", "search") else []
     assert main(["database", *(names.get(word, word) for word in words), *more, "--json"]) == FAILED
     printed = capsys.readouterr()
     assert "hunter2" not in printed.out + printed.err

@@ -151,6 +151,19 @@ def test_intrinsics_of_a_larger_picture_are_scaled(tmp_path: Path) -> None:
     np.testing.assert_allclose(camera.intrinsics, K)
 
 
+def test_intrinsics_without_a_size_that_are_of_a_larger_picture(tmp_path: Path) -> None:
+    """Those of the photograph are scaled where it is given, and refused where it is not."""
+    (tmp_path / "k.txt").write_text("580 582 319.5 239.5")
+    found, depth = read_intrinsics_file(tmp_path / "k.txt"), np.zeros((240, 320))
+    camera = depth_camera(depth, found, np.eye(4), "d.png", "k.txt", photograph=(640, 480))
+    np.testing.assert_allclose(camera.intrinsics, K)
+    with pytest.raises(ConfigError, match=r"k\.txt: the principal point \(320, 240\) is not that of a depth picture"):
+        depth_camera(depth, found, np.eye(4), "d.png", "k.txt")
+    (tmp_path / "k.txt").write_text("290 291 159.5 119.5")
+    own = depth_camera(depth, read_intrinsics_file(tmp_path / "k.txt"), np.eye(4), "d.png", "k.txt", (640, 480))
+    np.testing.assert_allclose(own.intrinsics, K)
+
+
 def test_the_unit_of_the_camera_file_is_for_whole_numbers_only(tmp_path: Path) -> None:
     Image.fromarray(np.full((4, 5), 8000, np.uint16)).save(tmp_path / "d.png")
     np.save(tmp_path / "d.npy", np.full((4, 5), 2.0, np.float32))

@@ -246,7 +246,7 @@ def test_pictures_that_show_no_object_are_refused() -> None:
     with pytest.raises(ScanError, match="k.json is of a camera with 80 x 80"):
         depth_camera(depth, IntrinsicsFile(camera.intrinsics, (80, 80)), np.eye(4), "frame.png", "k.json")
     large = np.diag([8.0, 8.0, 1.0]) @ camera.intrinsics
-    with pytest.raises(ConfigError, match="k.json: the principal point .* outside of the depth picture of 40 x 30"):
+    with pytest.raises(ConfigError, match="k.json: the principal point .* not that of a depth picture of 40 x 30"):
         depth_camera(depth, IntrinsicsFile(large), np.eye(4), "frame.png", "k.json")
     with pytest.raises(ConfigError, match="empty"):
         scan_depth(depth, camera, nearest=3.0, farthest=2.0)

@@ -153,15 +153,16 @@ class FitDepthCommand(Command):
         from kpred.shapes.pose_file import read_pose
 
         intrinsics = read_intrinsics_file(self.intrinsics)
+        photograph = None if self.rgb is None else read_photograph(self.rgb)
+        photograph_size = None if photograph is None else (photograph.shape[1], photograph.shape[0])
         views, seen, beyond = [], 0, 0
         for number, file in enumerate(self.depth):
             depth = read_depth(file, self.depth_scale, intrinsics.units_per_metre)
             intrinsics = read_intrinsics_file(self.intrinsics, depth.shape[::-1])
             pose = read_pose(self.pose[number], file) if self.pose else np.eye(4)
-            camera = depth_camera(depth, intrinsics, pose, str(file), str(self.intrinsics))
-            if number == 0 and self.rgb is not None:
-                photograph = read_photograph(self.rgb)
-                camera.resized(photograph.shape[1], photograph.shape[0])
+            camera = depth_camera(depth, intrinsics, pose, str(file), str(self.intrinsics), photograph_size)
+            if number == 0 and photograph_size is not None:
+                camera.resized(*photograph_size)
             mask = read_mask(self.mask[number], self.mask_id) if self.mask else None
             views.append(
                 scan_depth(

@@ -103,6 +103,12 @@ class FitManyCommand(Command):
             raise KeyboardInterrupt(
                 f"what is in {self.output} is whole, and the same command goes on with it"
             ) from error
+        self._report(output, report)
+        if report.failed and not report.fitted and not report.present:
+            raise ScanError(f"{self.source}: none of its {len(report.failed)} scans could be fitted.")
+
+    def _report(self, output: Output, report: BatchReport) -> None:
+        """Print the numbers, what failed and what was left out."""
         facts: dict[str, Any] = {
             "path": self.output,
             "fitted": report.fitted,
@@ -121,8 +127,6 @@ class FitManyCommand(Command):
             output.note(f"left out: {number} file{'s' if number > 1 else ''} of kinds that are not read ({kinds})")
         done = f"{report.fitted} fitted, {report.present} already there, {len(report.failed)} failed"
         output.note(f"{self.output}: {done}")
-        if report.failed and not report.fitted and not report.present:
-            raise ScanError(f"{self.source}: none of its {len(report.failed)} scans could be fitted.")
 
 
 COMMAND: type[Command] = FitManyCommand

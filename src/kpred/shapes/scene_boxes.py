@@ -78,11 +78,16 @@ def labelcloud_box(item: Mapping[str, Any]) -> dict[str, Any] | None:
     (centroid, sides, rotations) = (part for part in parts if isinstance(part, dict))
     try:
         angles = [float(rotations[axis]) for axis in "xyz"]
-        turn = Rotation.from_euler("XYZ", angles, degrees=True).as_matrix()
+        rotation = Rotation.from_euler("XYZ", angles, degrees=True).as_matrix()
     except (KeyError, TypeError, ValueError, OverflowError):
         return {"label": item.get("name")}
     size = [sides.get(key) for key in ("length", "width", "height")]
-    return {"label": item.get("name"), "center": [centroid.get(axis) for axis in "xyz"], "size": size, "axes": turn.T}
+    return {
+        "label": item.get("name"),
+        "center": [centroid.get(axis) for axis in "xyz"],
+        "size": size,
+        "axes": rotation.T,
+    }
 
 
 def annotated_members(scene: Scene, models: Sequence[AlignedModel]) -> list[np.ndarray | str]:
