@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,8 +113,8 @@ def _equal_lists(element: PlyElement, order: str, data: bytes, at: int) -> tuple
 
 def _ragged(element: PlyElement, order: str, data: bytes, at: int) -> tuple[Columns, int]:
     """Where a list begins is known only after all before it, so that the lengths are walked one by one."""
-    places: list[list[int]] = [[] for _ in element.properties]
-    sizes: list[list[int]] = [[] for _ in element.properties]
+    places = [array("q") for _ in element.properties]
+    sizes = [array("q") for _ in element.properties]
     steps = [
         (struct.Struct(order + _CODES[item.length or item.kind]), np.dtype(item.kind).itemsize, item.length is not None)
         for item in element.properties
@@ -188,9 +189,12 @@ def _text_columns(path: Path, element: PlyElement, values: np.ndarray, rows: lis
             raise wrong
         table = values.reshape(len(rows), found) if rows else np.zeros((0, width))
         return {item.name: table[:, number].copy() for number, item in enumerate(element.properties)}
-    taken: list[list[float]] = [[] for _ in element.properties]
-    sizes: list[list[int]] = [[] for _ in element.properties]
-    numbers, at, end = values.tolist(), 0, len(values)
+    same = _equal_text_lists(element, values, len(rows))
+    if same is not None:
+        return same
+    taken = [array("d") for _ in element.properties]
+    sizes = [array("q") for _ in element.properties]
+    numbers, at, end = array("d", values.tobytes()), 0, len(values)
     for _ in rows:
         for number, item in enumerate(element.properties):
             if at >= end:
@@ -213,3 +217,25 @@ def _text_columns(path: Path, element: PlyElement, values: np.ndarray, rows: lis
         else PlyLists(np.array(taken[number]), np.array(sizes[number], dtype=np.int64))
         for number, item in enumerate(element.properties)
     }
+
+
+def _equal_text_lists(element: PlyElement, values: np.ndarray, count: int) -> Columns | None:
+    """The fast way: all records have lists of the lengths that the first one has; None if they do not."""
+    if not count or len(values) % count:
+        return None
+    table, at = values.reshape(count, -1), 0
+    columns: Columns = {}
+    for item in element.properties:
+        if at >= table.shape[1]:
+            return None
+        if item.length is None:
+            columns[item.name] = table[:, at].copy()
+            at += 1
+            continue
+        length = table[0, at]
+        if not 0 <= length <= table.shape[1] - at - 1 or (table[:, at] != length).any() or length != int(length):
+            return None
+        inside = table[:, at + 1 : at + 1 + int(length)]
+        columns[item.name] = PlyLists(inside.reshape(-1), np.full(count, int(length), dtype=np.int64))
+        at += 1 + int(length)
+    return columns if at == table.shape[1] else None
