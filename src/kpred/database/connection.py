@@ -150,6 +150,8 @@ def _check_magic(path: Path) -> None:
         raise DatabaseError(f"Database {path} does not exist; check the path, or make it with 'kpred database build'.")
     if path.is_dir():
         raise DatabaseError(f"Database {path} is a folder; give the database file itself.")
+    if not path.is_file():
+        raise DatabaseError(f"Database {path} is a pipe or a device; give the database file itself.")
     with open(path, "rb") as file:
         start = file.read(len(_MAGIC))
     if start != _MAGIC:
