@@ -150,11 +150,12 @@ def test_all_files_are_written_or_none(
         replace(source, target)
 
     monkeypatch.setattr("kpred.shapes.atomic.os.replace", stubborn)
-    (tmp_path / "t.json").write_text("the one before")
+    before = json.dumps({"kpred": "the one before"})
+    (tmp_path / "t.json").write_text(before)
     words = [*line, "-o", tmp_path / "t.obj", "--mask", room / "ids0.png", "--mask-id", 5]
     sentence = refusal([*words, "--rgb", room / "photo.jpg"])
     assert f"{tmp_path / broken}: No space left on device" in sentence
-    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"t.json": "the one before"}
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"t.json": before}
 
 
 ROTATION_OF_TWO = np.diag([2.0, 2.0, 2.0, 1.0])
@@ -197,12 +198,12 @@ def test_broken_cameras_are_named_and_nothing_is_written(
 
 
 def test_intrinsics_of_another_picture_are_named(line: list[str], tmp_path: Path) -> None:
-    numbers = {"fx": 280, "fy": 280, "cx": 160, "cy": 120, "width": 640, "height": 480}
+    numbers = {"fx": 280, "fy": 280, "cx": 160, "cy": 120, "width": 640, "height": 640}
     (tmp_path / "color.json").write_text(json.dumps(numbers))
     words: list[object] = [*line, "-o", tmp_path / "t.obj"]
     words[words.index("--intrinsics") + 1] = tmp_path / "color.json"
     sentence = refusal(words)
-    assert "color.json is of a camera with 640 x 480" in sentence
+    assert "color.json is of a camera with 640 x 640" in sentence
 
 
 def test_a_fragment_too_small_to_judge_is_counted(room: Path, line: list[str], tmp_path: Path) -> None:

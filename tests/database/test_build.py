@@ -1,7 +1,9 @@
 """Building: killed and resumed gives the same file content; broken meshes are left out and listed."""
 
+import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -184,3 +186,12 @@ def test_a_foreign_file_is_not_touched(tmp_path, model):
     with pytest.raises(DatabaseError, match=r"notes\.txt"):
         build_database(path, shapes(), model)
     assert path.read_text() == "not a database"
+
+
+def test_folders_that_killed_builds_left_are_removed_after_a_day(tmp_path):
+    for name, age in ((".kpred-old", 90_000), (".kpred-new", 10)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "half.kpred").write_bytes(b"x")
+        os.utime(tmp_path / name, (time.time() - age,) * 2)
+    Database.create(tmp_path / "a.kpred").close()
+    assert {item.name for item in tmp_path.iterdir()} == {".kpred-new", "a.kpred"}

@@ -324,3 +324,9 @@ def test_threads_share_a_database(filled, random_entry):
         assert list(found) == names
         entries = pool.map(database.entry, names)
         assert [entry.model_id for entry in entries] == names
+
+
+def test_pipes_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "a.kpred")
+    with pytest.raises(DatabaseError, match="is a pipe or a device"):
+        Database.open(tmp_path / "a.kpred")

@@ -143,3 +143,17 @@ def test_bad_queries_are_refused(rng):
         table.search(np.zeros((3, 5)), np.zeros(3))
     with pytest.raises(DatabaseError, match="at least 1"):
         table.search(np.zeros((3, 5)), None, 0)
+
+
+def test_every_damaged_byte_is_noticed(tmp_path, rng):
+    tokens = random_tokens(rng, 60, 4, 8, 5)
+    path = tmp_path / "tokens"
+    table_of(names(60), tokens, path)
+    whole = path.read_bytes()
+    assert open_table(path) is not None
+    used = [at for at in range(len(whole)) if whole[at]]
+    for at in rng.choice(used, 200, replace=False).tolist():
+        damaged = bytearray(whole)
+        damaged[at] ^= 1 << int(rng.integers(8))
+        path.write_bytes(bytes(damaged))
+        assert open_table(path) is None, at

@@ -103,16 +103,16 @@ def table(width: float = 1.2, height: float = 0.7, depth: float = 0.8, top: floa
 
 def chair(legs: float = 0.4, seat: float = 0.05, lean: float = 0.0) -> list[Part]:
     """A seat, a back that may lean (degrees), four legs, all cuboids."""
-    sticks = [box((0.05, legs, 0.05), (x, legs / 2, z), "leg") for x in (-0.2, 0.2) for z in (-0.2, 0.2)]
-    back = box((0.45, 0.5, 0.04), (0.0, legs + seat + 0.25, -0.2), "back")
-    back = back.rotated("x", -lean, (0.0, legs + seat, -0.2))
+    sticks = [box((0.05, legs, 0.05), (x, legs / 2, z), "leg") for x in (-0.17, 0.17) for z in (-0.17, 0.17)]
+    back = box((0.41, 0.5, 0.04), (0.0, legs + seat + 0.25, -0.19), "back")
+    back = back.rotated("x", -lean, (0.0, legs + seat, -0.19))
     return [box((0.45, seat, 0.45), (0.0, legs + seat / 2, 0.0), "seat"), back, *sticks]
 
 
 def splayed_chair() -> list[Part]:
     """A seat, a back that leans and four legs that splay."""
     legs = [
-        beam((x * 1.4, 0.0, z * 1.4), (x, 0.42, z), 0.05, 0.05, "leg") for x in (-0.18, 0.18) for z in (-0.18, 0.18)
+        beam((x * 1.4, 0.0, z * 1.4), (x, 0.42, z), 0.05, 0.05, "leg") for x in (-0.15, 0.15) for z in (-0.15, 0.15)
     ]
     return [*chair(lean=12.0)[:2], *legs]
 
@@ -129,14 +129,14 @@ def round_table() -> list[Part]:
 def curved_chair() -> list[Part]:
     """A chair whose back is a curved panel."""
     parts = chair()
-    return [parts[0], curved_panel(0.45, 0.5, 0.03, -0.08, 0.0, (0.0, 0.7, -0.2), "back"), *parts[2:]]
+    return [parts[0], curved_panel(0.41, 0.5, 0.03, -0.08, 0.0, (0.0, 0.7, -0.15), "back"), *parts[2:]]
 
 
 def shelf() -> list[Part]:
     """An open bookcase of boards: two sides, a back, three shelves."""
     sides = [box((0.03, 1.4, 0.3), (x, 0.7, 0.0), "side") for x in (-0.385, 0.385)]
-    boards = [box((0.74, 0.03, 0.26), (0.0, y, 0.01), "shelf") for y in (0.1, 0.6, 1.2)]
-    return [*sides, box((0.74, 1.36, 0.02), (0.0, 0.7, -0.13), "back"), *boards]
+    boards = [box((0.74, 0.03, 0.24), (0.0, y, 0.01), "shelf") for y in (0.1, 0.6, 1.2)]
+    return [*sides, box((0.74, 1.36, 0.03), (0.0, 0.7, -0.12), "back"), *boards]
 
 
 FURNITURE: dict[str, Callable[[], list[Part]]] = {

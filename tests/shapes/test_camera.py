@@ -8,7 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kpred.errors import ConfigError, KpredError, ScanError
-from kpred.shapes.camera import Camera, read_intrinsics, read_pose
+from kpred.shapes.camera import Camera
+from kpred.shapes.intrinsics_file import read_intrinsics
+from kpred.shapes.pose_file import read_pose
 
 K = np.array([[577.9, 0.0, 319.5], [0.0, 578.7, 239.5], [0.0, 0.0, 1.0]])
 DIGITS = "577.9 0 319.5\n0 578.7 239.5\n0 0 1\n"
@@ -125,12 +127,12 @@ def test_a_pose_of_few_digits_becomes_a_rotation(tmp_path: Path, rng: np.random.
         ("k.txt", "577 0 nan\n0 577 240\n0 0 1", "NaN"),
         ("k.txt", "577 0 320\n0 577\n0 0 1", "not numbers"),
         ("k.txt", "fx fy cx cy", "not numbers"),
-        ("k.txt", "", "matrix"),
+        ("k.txt", "# nothing\n", "matrix"),
         ("k.json", "{", "readable"),
         ("k.json", json.dumps({"focal": 5}), "fx, fy"),
         ("k.json", json.dumps({"fx": 5, "fy": 5, "cx": 1, "cy": 1, "width": 0, "height": 4}), "whole numbers"),
         ("k.json", "null", "number"),
-        ("k.yaml", DIGITS, "extension"),
+        ("k.yml7", DIGITS, "extension"),
         ("k.npy", "no array", "readable"),
     ],
 )

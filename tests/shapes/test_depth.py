@@ -10,7 +10,6 @@ from PIL import Image
 from kpred.errors import ConfigError, ScanError
 from kpred.shapes.camera import Camera
 from kpred.shapes.depth import (
-    check_size,
     flying_pixels,
     merge_views,
     read_depth,
@@ -18,6 +17,8 @@ from kpred.shapes.depth import (
     scan_depth,
     write_depth,
 )
+from kpred.shapes.depth_camera import depth_camera
+from kpred.shapes.intrinsics_file import IntrinsicsFile
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.render import render_depth, render_faces
 from kpred.shapes.synthetic.generator import generate
@@ -242,8 +243,11 @@ def test_pictures_that_show_no_object_are_refused() -> None:
         scan_depth(depth, camera, few.T)
     with pytest.raises(ScanError, match="40 x 30 pixels and the camera 80 x 60"):
         scan_depth(depth, camera.resized(80, 60))
-    with pytest.raises(ScanError, match="k.json is of a camera with 80 x 60"):
-        check_size(depth, (80, 60), "frame.png", "k.json")
+    with pytest.raises(ScanError, match="k.json is of a camera with 80 x 80"):
+        depth_camera(depth, IntrinsicsFile(camera.intrinsics, (80, 80)), np.eye(4), "frame.png", "k.json")
+    large = np.diag([8.0, 8.0, 1.0]) @ camera.intrinsics
+    with pytest.raises(ConfigError, match="k.json: the principal point .* not that of a depth picture of 40 x 30"):
+        depth_camera(depth, IntrinsicsFile(large), np.eye(4), "frame.png", "k.json")
     with pytest.raises(ConfigError, match="empty"):
         scan_depth(depth, camera, nearest=3.0, farthest=2.0)
     with pytest.raises(ConfigError, match="no depth views"):

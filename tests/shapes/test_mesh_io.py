@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from kpred.errors import MeshError, OutputError
 from kpred.shapes.mesh import Mesh
-from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS, read_mesh, write_mesh
+from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS, read_geometry, read_mesh, write_mesh
 from kpred.shapes.polygon import split_polygon, split_quads
 
 
@@ -231,3 +231,43 @@ def test_shapenet_models(shared_data):
         assert (1 if mesh.face_parts is None else len(np.unique(mesh.face_parts))) == len(groups)
         # Their normalisation: the box's diagonal has length one.
         assert np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]) == pytest.approx(1, abs=0.02)
+
+
+UTM = np.array([694386.212, 5155487.512, 381.036])
+
+
+@pytest.mark.parametrize("extension", [".obj", ".ply", ".off", ".glb"])
+def test_far_from_the_origin_a_mesh_keeps_its_shape(tmp_path, extension):
+    ball = trimesh.creation.icosphere(2, radius=0.5)
+    ball.apply_translation(UTM)
+    for mesh in (ball, trimesh.Scene(ball)) if extension != ".glb" else (ball,):
+        write_mesh(tmp_path / f"ball{extension}", mesh)
+        back = read_geometry(tmp_path / f"ball{extension}")
+        np.testing.assert_allclose(back.vertices[back.faces], ball.vertices[ball.faces], atol=1e-5)
+
+
+def test_stl_is_refused_where_its_numbers_are_too_coarse(tmp_path):
+    ball = trimesh.creation.icosphere(2, radius=0.5)
+    write_mesh(tmp_path / "near.stl", ball)
+    ball.apply_translation(UTM)
+    with pytest.raises(OutputError, match=r"far\.stl: this far from the origin"):
+        write_mesh(tmp_path / "far.stl", ball)
+    assert not (tmp_path / "far.stl").exists()
+
+
+@pytest.mark.parametrize("extension", OUTPUT_EXTENSIONS)
+def test_meshes_that_are_not_finite_are_never_written(tmp_path, extension):
+    ball = trimesh.creation.icosphere(1)
+    ball.vertices[3] = np.nan
+    for mesh in (ball, Mesh(ball.vertices, ball.faces)):
+        with pytest.raises(OutputError, match="NaN or infinite"):
+            write_mesh(tmp_path / f"a{extension}", mesh)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("extension", [".obj", ".off", ".ply"])
+def test_very_small_meshes_keep_their_digits(tmp_path, extension):
+    ball = trimesh.creation.icosphere(2, radius=1e-7)
+    write_mesh(tmp_path / f"a{extension}", ball)
+    back = read_geometry(tmp_path / f"a{extension}")
+    np.testing.assert_allclose(back.vertices[back.faces], ball.vertices[ball.faces], rtol=1e-6, atol=1e-14)

@@ -1,6 +1,7 @@
 """Scenes and their objects: real files in their own layout, every kind of object file, and what does not match."""
 
 import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from kpred.errors import ConfigError, ScanError
+from kpred.errors import ConfigError, MeshError, ScanError
+from kpred.shapes.scan2cad import BrokenModel, model_path
 from kpred.shapes.scene import Scene, SceneWarning, read_scene, scene_name
 from kpred.shapes.scene_objects import SceneObject, annotation_of, objects_of
 
@@ -347,7 +349,7 @@ def test_points_that_are_not_finite_keep_labels_in_place(tmp_path: Path, rng: np
 
 
 def test_scenes_that_cannot_be_read(files: Path) -> None:
-    with pytest.raises(ScanError, match="no such scene file"):
+    with pytest.raises(ScanError, match="no such file"):
         read_scene(files / "none.ply")
     with pytest.raises(ScanError, match="unknown scene extension"):
         read_scene(write_ply(files / "room.docx", np.zeros((5, 3))))
@@ -385,3 +387,99 @@ def test_other_files_are_scenes_too(files: Path) -> None:
 )
 def test_scene_names(file: str, name: str) -> None:
     assert scene_name(Path(file)) == name
+
+
+# ---- objects of other data sets
+
+
+def replica(path: Path, faces: list[tuple[list[int], int]], points: np.ndarray) -> None:
+    """A scene as Replica writes it: quads and triangles with the number of their object."""
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nproperty int object_id\nend_header\n"
+    body = b"".join(struct.pack(f"<B{len(f)}ii", len(f), *f, number) for f, number in faces)
+    path.write_bytes(head.encode() + points.astype("<f4").tobytes() + body)
+
+
+def test_objects_of_faces_as_in_replica(tmp_path: Path, rng: np.random.Generator) -> None:
+    points = rng.normal(size=(12, 3))
+    replica(tmp_path / "room.ply", [([0, 1, 2, 3], 4), ([4, 5, 6], 4), ([7, 8, 9], 9)], points)
+    scene = read_scene(tmp_path / "room.ply")
+    assert [(item.name, item.indices.tolist()) for item in objects_of(scene)] == [
+        ("object_4", [0, 1, 2, 3, 4, 5, 6]),
+        ("object_9", [7, 8, 9]),
+    ]
+    named = [{"id": 9, "class_name": "chair"}, {"id": 4, "class_name": "table"}, {"id": 5, "class_name": "lamp"}]
+    (tmp_path / "info_semantic.json").write_text(json.dumps({"objects": named}))
+    found = objects_of(scene, tmp_path / "info_semantic.json")
+    assert [(item.name, item.category, len(item.points)) for item in found] == [
+        ("chair_9", "chair", 3),
+        ("table_4", "table", 7),
+        ("lamp_5", "lamp", 0),
+    ]
+    assert found[2].problem is not None
+
+
+def test_oriented_boxes_of_arkitscenes(tmp_path: Path, rng: np.random.Generator) -> None:
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    local = rng.uniform(-1, 1, size=(2000, 3))
+    center, size = np.array([3.0, -2, 1]), np.array([1.0, 0.5, 1.5])
+    np.save(tmp_path / "room.npy", local @ axes + center)
+    box = {"centroid": center.tolist(), "axesLengths": size.tolist(), "normalizedAxes": axes.ravel().tolist()}
+    entries = [{"label": "chair", "segments": {"obbAligned": box}}, {"label": "chair", "segments": {"obb": box}}, {}, 7]
+    entries.append({"label": "table", "segments": {"obbAligned": box | {"normalizedAxes": [1.0] * 9}}})
+    (tmp_path / "3dod_annotation.json").write_text(json.dumps({"skipped": False, "data": entries}))
+    found = objects_of(read_scene(tmp_path / "room.npy"), tmp_path / "3dod_annotation.json")
+    inside = np.flatnonzero((np.abs(local) <= size / 2).all(axis=1))
+    for item in found[:2]:
+        assert item.category == "chair"
+        np.testing.assert_array_equal(item.indices, inside)
+    assert [item.problem is None for item in found] == [True, True, False, False, False]
+
+
+def test_boxes_of_labelcloud(tmp_path: Path, rng: np.random.Generator) -> None:
+    points = rng.uniform(-3, 3, size=(3000, 3))
+    np.save(tmp_path / "room.npy", points)
+    item = {
+        "name": "chair",
+        "centroid": {"x": 0.5, "y": -0.5, "z": 0.1},
+        "dimensions": {"length": 2.0, "width": 1.0, "height": 3.0},
+        "rotations": {"x": 0.0, "y": 0.0, "z": 30.0},
+    }
+    (tmp_path / "labels.json").write_text(
+        json.dumps({"filename": "room.npy", "objects": [item, item | {"rotations": {}}]})
+    )
+    plain = [{"center": [0.5, -0.5, 0.1], "size": [2, 1, 3], "yaw": np.radians(30), "category": "chair"}]
+    (tmp_path / "boxes.json").write_text(json.dumps(plain))
+    scene = read_scene(tmp_path / "room.npy")
+    found, wanted = objects_of(scene, tmp_path / "labels.json"), objects_of(scene, tmp_path / "boxes.json")
+    assert found[0].name == "chair_0" and len(wanted[0].indices) > 50 and found[1].problem is not None
+    np.testing.assert_array_equal(found[0].indices, wanted[0].indices)
+
+
+@pytest.mark.parametrize("segments", ["segments.json", "mesh.refined.0.010000.segs.v2.json", "room_vh_clean.segs.json"])
+def test_segments_under_the_names_of_other_data_sets(tmp_path: Path, rng: np.random.Generator, segments: str) -> None:
+    np.save(tmp_path / "room.npy", rng.normal(size=(300, 3)))
+    (tmp_path / segments).write_text(json.dumps({"segIndices": (np.arange(300) // 100).tolist()}))
+    groups = [{"objectId": 3, "label": "chair", "segments": [0, 2]}, {"objectId": 4, "segments": [10**30]}]
+    (tmp_path / "segments_anno.json").write_text(json.dumps({"segGroups": groups}))
+    found = objects_of(read_scene(tmp_path / "room.npy"), tmp_path / "segments_anno.json")
+    assert found[0].name == "chair_3" and len(found[0].points) == 200
+    assert found[1].problem is not None
+
+
+@pytest.mark.parametrize("named", ["../secret.segs.json", "/etc/passwd", "A" * 5000, "a\0b"])
+def test_segments_are_read_beside_the_annotation_only(tmp_path: Path, rng: np.random.Generator, named: str) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    np.save(folder / "room.npy", rng.normal(size=(300, 3)))
+    (tmp_path / "secret.segs.json").write_text(json.dumps({"segIndices": [0] * 300}))
+    (folder / "a.aggregation.json").write_text(json.dumps({"segmentsFile": named, "segGroups": []}))
+    with pytest.raises(ScanError, match="are not beside it"):
+        objects_of(read_scene(folder / "room.npy"), folder / "a.aggregation.json")
+
+
+def test_ids_of_models_do_not_lead_out_of_their_folder(tmp_path: Path) -> None:
+    for name in ("../..", "a/b", "A" * 5000, ".."):
+        with pytest.raises(MeshError, match="no names of folders"):
+            model_path(BrokenModel("chair_0", "chair", "03001627", name, ""), tmp_path)

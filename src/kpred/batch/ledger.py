@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any
 
 from kpred.batch.task import Task
+from kpred.database.address import without_password
 from kpred.errors import ManifestError, OutputError
 from kpred.shapes.atomic import atomic_path
 
@@ -95,8 +96,16 @@ class Ledger:
             with atomic_path(file) as temporary:
                 temporary.write_text(json.dumps(job, indent=1) + "\n", encoding="utf-8")
             return
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise ManifestError(f"{file} cannot be read; choose another output folder.") from error
+        if not isinstance(before, dict):
+            raise ManifestError(f"{file} is no job of a batch; choose another output folder.")
+        if isinstance(before.get("database"), str):
+            stored = before["database"]
+            before["database"] = without_password(stored)
+            if before["database"] != stored:  # Earlier versions kept it.
+                with atomic_path(file) as temporary:
+                    temporary.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
         other = [key for key in sorted({*before, *job}) if before.get(key) != job.get(key)]
         if other:
             raise ManifestError(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from kpred.batch.crew import Crew, ProcessCrew
 from kpred.batch.ledger import Ledger
-from kpred.batch.task import Task, read_tasks
+from kpred.batch.task import Task, other_files, read_tasks
 from kpred.batch.worker import BatchSettings, Outcome
 from kpred.errors import ConfigError
 
@@ -28,12 +28,14 @@ class BatchReport:
     Attributes:
         fitted: scans fitted in this run; present: those done before; retried: attempts beyond each scan's first.
         failed: (name, reason) of the scans that were given up.
+        left_out: how many files of a folder are no scans, by their extension.
     """
 
     fitted: int = 0
     present: int = 0
     retried: int = 0
     failed: list[tuple[str, str]] = field(default_factory=list)
+    left_out: dict[str, int] = field(default_factory=dict)
 
     @property
     def handled(self) -> int:
@@ -75,6 +77,8 @@ def fit_many(
     if gpus and ray is None:
         raise ConfigError("Shares of a GPU are given out by Ray; name a cluster (--ray local), or take no GPU.")
     chosen = _absolute(settings or BatchSettings())
+    if chosen.time_limit is not None and not 0 < chosen.time_limit < 1e7:
+        raise ConfigError(f"The time limit of a scan is {chosen.time_limit}; it must be a number of seconds above 0.")
     tasks = read_tasks(Path(source).resolve())
     first = next(tasks, None)
     _check_resources(chosen)
@@ -88,6 +92,8 @@ def fit_many(
         finally:
             crew.close()
         ledger.write_failures(report.failed)
+    if Path(source).is_dir():
+        report.left_out = other_files(Path(source))
     return report
 
 
@@ -178,7 +184,7 @@ class _Batch:
 
 def _absolute(settings: BatchSettings) -> BatchSettings:
     """Paths that mean the same to workers that run in another folder."""
-    from kpred.database.postgres_home import is_address
+    from kpred.database.address import is_address
 
     def absolute(name: str | None) -> str | None:
         if name is None or is_address(name) or not Path(name).exists():

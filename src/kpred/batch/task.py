@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +60,19 @@ def _of_folder(root: Path) -> Iterator[Task]:
                 path = Path(folder) / name
                 yield Task(path.relative_to(root).as_posix(), str(path))
     if not found:
-        raise ManifestError(f"{root}: there are no scans in it; put {', '.join(SCAN_EXTENSIONS)} files there.")
+        others = other_files(root)
+        held = f" (it holds {', '.join(f'{count} {kind}' for kind, count in others.items())})" if others else ""
+        raise ManifestError(f"{root}: there are no scans in it{held}; put {', '.join(SCAN_EXTENSIONS)} files there.")
+
+
+def other_files(root: Path) -> dict[str, int]:
+    """Count the files of a folder, and of the folders in it, that are no scans, by their extension."""
+    counts: Counter[str] = Counter()
+    for _, folders, files in os.walk(root):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        kinds = (Path(name).suffix.lower() or "without extension" for name in files if not name.startswith("."))
+        counts.update(kind for kind in kinds if kind not in SCAN_EXTENSIONS)
+    return dict(sorted(counts.items()))
 
 
 def _of_manifest(file: Path) -> Iterator[Task]:

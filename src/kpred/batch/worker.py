@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from kpred.batch.task import Task
+from kpred.batch.time_limit import time_limit
+from kpred.database.address import without_password
 from kpred.fitting.refine_config import Deform
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ class BatchSettings:
 
     Attributes:
         mesh: extension of the meshes that are written; an empty one writes records alone.
+        time_limit: seconds after which a scan is given up; None sets none. It is no part of what a batch is.
     """
 
     model: str | None = None
@@ -37,6 +40,7 @@ class BatchSettings:
     model_id: str | None = None
     clean: bool = True
     mesh: str = ".ply"
+    time_limit: float | None = None
 
     @property
     def batched(self) -> bool:
@@ -44,8 +48,10 @@ class BatchSettings:
         return self.frame == "known"
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain values."""
-        return asdict(self)
+        """What the results depend on, as plain values; addresses without passwords, which may change."""
+        values = asdict(self)
+        del values["time_limit"]
+        return values | {"database": None if self.database is None else without_password(self.database)}
 
 
 @dataclass(frozen=True)
@@ -104,18 +110,19 @@ def fit_task(
     if task.path is None or task.problem:
         return Outcome(task.name, None, task.problem or "no file is named")
     try:
-        found = fit(
-            task.path if ahead is None else ahead.scan,
-            _model(settings, device) if ahead is None else ahead.model,
-            settings.database,
-            task.category or settings.category,
-            top_k=settings.top_k,
-            frame=settings.frame,
-            up=settings.up,
-            deform=settings.deform,
-            model_id=settings.model_id,
-            clean=settings.clean,
-        )
+        with time_limit(settings.time_limit, task.path):
+            found = fit(
+                task.path if ahead is None else ahead.scan,
+                _model(settings, device) if ahead is None else ahead.model,
+                settings.database,
+                task.category or settings.category,
+                top_k=settings.top_k,
+                frame=settings.frame,
+                up=settings.up,
+                deform=settings.deform,
+                model_id=settings.model_id,
+                clean=settings.clean,
+            )
         place = Path(out, f"{task.stem}.json")
         place.parent.mkdir(parents=True, exist_ok=True)
         mesh = f"{task.stem}{settings.mesh}" if settings.mesh else None

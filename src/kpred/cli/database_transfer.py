@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
+from kpred.database.address import masked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +40,7 @@ class CopyCommand(Command):
             raise UsageError("--batch must be at least 1.")
         with ProgressBar() as bar:
             report = copy_database(self.source, self.target, batch=self.batch, progress=bar.update)
-        output.result({"source": self.source, "target": self.target, **report.__dict__})
+        output.result({"source": masked(self.source), "target": masked(self.target), **report.__dict__})
         output.note(f"{report.copied} copied, {report.present} already there, all {report.verified} are the same")
 
 
@@ -66,5 +67,6 @@ class UpdateCommand(Command):
             updated = update_database(
                 self.file, progress=lambda done, total: bar.update("computing structures", done, total)
             )
-        output.result({"path": self.file, "updated": updated})
-        output.note(f"{self.file}: {updated} models updated" if updated else f"{self.file} is up to date")
+        place = masked(self.file)
+        output.result({"path": place, "updated": updated})
+        output.note(f"{place}: {updated} models updated" if updated else f"{place} is up to date")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial as partial_call
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -16,7 +16,11 @@ from kpred.cli.usage import UsageError
 from kpred.fitting.refine_config import Deform
 
 if TYPE_CHECKING:
+    from kpred.fitting import Fit
     from kpred.shapes.depth import MergedScan
+
+_SURE = 0.5
+"""Confidence below which the result is more likely wrong than right."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +41,13 @@ class FitDepthCommand(Command):
     depth: Annotated[Positional[tuple[Path, ...]], arg(metavar="DEPTH [DEPTH ...]")]
     """Depth pictures: 16-bit .png or .tiff in millimetres, .npy or .tiff of floats in metres"""
     intrinsics: Annotated[Path, arg(metavar="FILE")]
-    """Camera matrix: .txt (3 x 3, 4 x 4, or fx fy cx cy), .json (fx, fy, cx, cy, ...) or .npy"""
+    """Camera matrix: .txt (3 x 3, 4 x 4, or fx fy cx cy), .json, .yaml (of RealSense, ROS, ScanNet, Open3D, ARKit,
+    Azure Kinect, nerfstudio, ...) or .npy; that of a larger picture of the same view is scaled"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
     """The mesh to write, by extension: .obj .ply .glb .stl"""
     pose: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
-    """Camera-to-world matrix of each picture: .txt, .json or .npy, metres; x right, y down, z forward"""
+    """Camera-to-world matrix of each picture: .txt, .json, .yaml or .npy, metres; x right, y down, z forward, but under
+    the key transform_matrix (nerfstudio) y up, z backward. Without it the camera is taken to look level"""
     mask: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
     """The object's pixels in each picture: .png of instance ids, or boolean .npy"""
     mask_id: Annotated[int | None, arg(metavar="N")] = None
@@ -49,7 +55,8 @@ class FitDepthCommand(Command):
     rgb: Annotated[Path | None, arg(metavar="FILE")] = None
     """Photograph of the first picture's view, over which the result is drawn"""
     depth_scale: Annotated[float | None, arg(metavar="UNITS")] = None
-    """Units per metre in the depth pictures; without it, 1000 for whole numbers and 1 for floats"""
+    """Units per metre in the depth pictures; without it, what the intrinsics file says of whole numbers, else 1000,
+    and 1 for floats"""
     max_depth: Annotated[float, arg(metavar="METRES")] = 10.0
     """Depths beyond are dropped"""
     remove_flying: Annotated[bool, arg(help_behavior_hint="")] = True
@@ -74,6 +81,8 @@ class FitDepthCommand(Command):
     """Fit this model of the database, and no other"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture of scan and result"""
+    overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Replace files beside OUT (record, picture) that kpred did not make"""
 
     def run(self, output: Output) -> None:
         """Back-project, fit, write the files, print what was chosen."""
@@ -95,7 +104,7 @@ class FitDepthCommand(Command):
             raise UsageError("--mask-id needs --mask.")
         overlay_file = self.output.with_name(f"{self.output.stem}_overlay.png")
         for file in (*self.depth, *self.mask, *self.pose, self.intrinsics, *((self.rgb,) if self.rgb else ())):
-            check_output(self.output, file)
+            check_output(self.output, file, self.overwrite, self.picture, [overlay_file] if self.rgb else [])
             if self.rgb is not None and overlay_file.exists() and file.exists() and overlay_file.samefile(file):
                 raise OutputError(f"Cannot write {overlay_file}: it would overwrite {file}; choose another name.")
         scan = self._scan(output)
@@ -114,6 +123,7 @@ class FitDepthCommand(Command):
             # Without poses the world is the camera's own frame, and this is its origin.
             sensor=scan.origins,
         )
+        result = replace(result, warnings=(*result.warnings, *self._doubts(result)))
         overlay: dict[Path, Callable[[Path], object]] = {}
         if self.rgb is not None:
             overlay[overlay_file] = partial_call(
@@ -124,34 +134,57 @@ class FitDepthCommand(Command):
         )
         describe(output, result, files)
 
+    def _doubts(self, result: Fit) -> list[str]:
+        """What the depths' unit and the missing pose may have spoilt."""
+        import numpy as np
+
+        from kpred.shapes.furniture_size import size_warning
+
+        size = np.ptp(result.mesh.bounds, axis=0)
+        too_large = size_warning(size, result.category, "give --depth-scale (RealSense often 4000, TUM 5000)")
+        found = [] if too_large is None else [too_large]
+        if not self.pose and result.confidence < _SURE:
+            found.append("No --pose was given, so the camera was taken to look level; if it looks down, give --pose.")
+        return found
+
     def _scan(self, output: Output) -> MergedScan:
         """The pictures' points in one cloud. Everything that can be wrong with the photograph is found here too."""
         import numpy as np
 
         from kpred.fitting.overlay import read_photograph
-        from kpred.shapes.camera import Camera, read_intrinsics, read_pose
-        from kpred.shapes.depth import check_size, merge_views, read_depth, read_mask, scan_depth
+        from kpred.shapes.depth import merge_views, read_depth, read_mask, scan_depth
+        from kpred.shapes.depth_camera import depth_camera
+        from kpred.shapes.intrinsics_file import read_intrinsics_file
+        from kpred.shapes.pose_file import read_pose
 
-        intrinsics, size = read_intrinsics(self.intrinsics)
-        views = []
+        intrinsics = read_intrinsics_file(self.intrinsics)
+        photograph = None if self.rgb is None else read_photograph(self.rgb)
+        photograph_size = None if photograph is None else (photograph.shape[1], photograph.shape[0])
+        views, seen, beyond = [], 0, 0
         for number, file in enumerate(self.depth):
-            depth = read_depth(file, self.depth_scale)
-            check_size(depth, size, str(file), str(self.intrinsics))
-            height, width = depth.shape
-            pose = read_pose(self.pose[number]) if self.pose else np.eye(4)
-            camera = Camera(intrinsics, width, height, pose)
-            if number == 0 and self.rgb is not None:
-                photograph = read_photograph(self.rgb)
-                camera.resized(photograph.shape[1], photograph.shape[0])
+            depth = read_depth(file, self.depth_scale, intrinsics.units_per_metre)
+            intrinsics = read_intrinsics_file(self.intrinsics, depth.shape[::-1])
+            pose = read_pose(self.pose[number], file) if self.pose else np.eye(4)
+            camera = depth_camera(depth, intrinsics, pose, str(file), str(self.intrinsics), photograph_size)
+            if number == 0 and photograph_size is not None:
+                camera.resized(*photograph_size)
             mask = read_mask(self.mask[number], self.mask_id) if self.mask else None
             views.append(
                 scan_depth(
                     depth, camera, mask, farthest=self.max_depth, remove_flying=self.remove_flying, name=str(file)
                 )
             )
+            inside = depth > 0 if mask is None else (depth > 0) & mask
+            seen, beyond = seen + int(inside.sum()), beyond + int((inside & (depth > self.max_depth)).sum())
         scan = merge_views(views, self.voxel)
         if not self.mask:
             output.note("no --mask: everything in the depth pictures is taken as the object")
+        if not self.pose:
+            output.note("no --pose: the camera is taken to look level, with up along the picture's columns")
+        if beyond > 0.1 * seen:
+            output.caution(
+                f"{beyond} of {seen} pixels lie beyond {self.max_depth:g} m and were left out; check --depth-scale."
+            )
         output.note(f"scan: {len(scan.points)} points of {len(views)} depth picture{'s' if len(views) > 1 else ''}")
         return scan
 

@@ -46,14 +46,16 @@ def print_cleanliness(
 def print_cleanliness_of(output: Output, table: Table, dataset: str, categories: Sequence[str]) -> None:
     """Print the cleanliness of a table's methods on some categories of a data set."""
     found: dict[tuple[str, ...], dict[str, tuple[float, float]]] = {}
+    some_hidden = any(one.protocol == "partial" for one in table.series(dataset))
     for category in categories:
         for one in table.series(dataset):
             cell = table.cell(one, dataset, category) if one.distance in COLUMNS else None
             if cell is not None:
-                hidden = f"{one.occlusion:.0%}" if one.protocol == "partial" else ""
-                names = (category, one.model, label(one), hidden)
+                hidden = (f"{one.occlusion:.0%}" if one.protocol == "partial" else "",) if some_hidden else ()
+                names = (category, one.model, label(one), *hidden)
                 found.setdefault(names, {})[one.distance] = cell.value, cell.percentile_95
-    print_cleanliness(output, dataset, ("category", "model", "method", "hidden"), list(found.items()))
+    heads = ("category", "model", "method", *(("hidden",) if some_hidden else ()))
+    print_cleanliness(output, dataset, heads, list(found.items()))
 
 
 def _cell(value: tuple[float, float] | None, which: int, factor: float) -> float | None:

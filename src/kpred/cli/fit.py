@@ -69,6 +69,8 @@ class FitCommand(Command):
     """Fit this model of the database, and no other"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
+    overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Replace files beside OUT (record, picture) that kpred did not make"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
     """Take the scan as it is: leave out all steps of cleaning"""
     cleaning: Annotated[CleanConfig, FlagConversionOff] = field(default_factory=CleanConfig)
@@ -87,10 +89,12 @@ class FitCommand(Command):
         from kpred.fitting.fit_scan import fit
         from kpred.nn import load_model
         from kpred.shapes import read_scan
+        from kpred.shapes.mesh_output import check_precision
 
         self._check()
-        check_output(self.output, self.scan)
+        check_output(self.output, self.scan, self.overwrite, self.picture)
         scan = read_scan(self.scan)
+        check_precision(self.output, scan)
         model = load_model(self.model) if self.model is not None else None
         database = Database.open(self.database) if self.database is not None else None
         result = fit(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,11 +17,18 @@ from kpred.errors import OutputError
 from kpred.fitting import Fit
 
 
-def check_output(path: Path, scan: Path) -> None:
+def check_output(
+    path: Path, scan: Path, overwrite: bool = False, picture: bool = True, more: Sequence[Path] = ()
+) -> None:
     """Refuse an output file before any work is done for it.
 
+    Args:
+        overwrite: files beside the mesh may be replaced whoever made them.
+        picture: whether one will be written; more: further files that will be.
+
     Raises:
-        OutputError: unknown extension, a place that cannot be written, or a file of the fit would overwrite the scan.
+        OutputError: unknown extension, a place that cannot be written, a file of the fit would overwrite the scan, or
+            one beside the mesh would overwrite what is no file of a fit.
     """
     from kpred.shapes.atomic import check_place
     from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
@@ -33,6 +40,29 @@ def check_output(path: Path, scan: Path) -> None:
         check_place(file)
     if any(file.exists() and scan.exists() and file.samefile(scan) for file in _files(path)):
         raise OutputError(f"Cannot write {path}: it would overwrite the scan {scan}; choose another name.")
+    if not overwrite:
+        check_foreign(path.with_suffix(".json"), [*_files(path)[1 : 3 if picture else 2], *more])
+
+
+def check_foreign(record: Path, files: Sequence[Path]) -> None:
+    """Refuse to replace files beside the one that the user named, unless the record there says that kpred made them.
+
+    Raises:
+        OutputError: a file is there, and `record` is no record of kpred.
+    """
+    there = next((file for file in files if file.exists()), None)
+    if there is not None and not _is_record(record):
+        raise OutputError(
+            f"Cannot write {there}: it is there, and kpred did not make it; give --overwrite or another name."
+        )
+
+
+def _is_record(file: Path) -> bool:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and "kpred" in content
 
 
 def write_files(

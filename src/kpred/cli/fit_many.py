@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
@@ -63,12 +63,15 @@ class FitManyCommand(Command):
     """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
     attempts: Annotated[int, arg(metavar="N")] = 3
     """How often a scan is tried whose failure may have been an accident (a dead worker, a full disk)"""
+    time_limit: Annotated[float, arg(metavar="SECONDS")] = 600.0
+    """Time after which one scan is given up"""
 
     def run(self, output: Output) -> None:
         """Fit all, print the numbers and what failed."""
         from kpred.batch.run import count_scans, fit_many
         from kpred.batch.worker import BatchSettings
         from kpred.cli.progress import ProgressBar
+        from kpred.errors import ScanError
 
         settings = BatchSettings(
             model=self.model,
@@ -81,6 +84,7 @@ class FitManyCommand(Command):
             model_id=self.model_id,
             clean=self.clean,
             mesh="" if self.mesh == "none" else self.mesh,
+            time_limit=self.time_limit,
         )
         total = count_scans(self.source) if self.source.exists() else None
         try:
@@ -104,12 +108,28 @@ class FitManyCommand(Command):
             raise KeyboardInterrupt(
                 f"what is in {self.output} is whole, and the same command goes on with it"
             ) from error
-        facts = {"path": self.output, "fitted": report.fitted, "present": report.present, "retried": report.retried}
+        self._report(output, report)
+        if report.failed and not report.fitted and not report.present:
+            raise ScanError(f"{self.source}: none of its {len(report.failed)} scans could be fitted.")
+
+    def _report(self, output: Output, report: BatchReport) -> None:
+        """Print the numbers, what failed and what was left out."""
+        facts: dict[str, Any] = {
+            "path": self.output,
+            "fitted": report.fitted,
+            "present": report.present,
+            "retried": report.retried,
+        }
+        facts["left_out"] = report.left_out
         output.result({**facts, "failed": [{"name": name, "problem": why} for name, why in report.failed]})
         for name, why in report.failed[:10]:
             output.note(f"failed: {name}: {why}")
         if len(report.failed) > 10:
             output.note(f"failed: {len(report.failed) - 10} more ({self.output / 'failures.jsonl'} lists them)")
+        if report.left_out:
+            kinds = ", ".join(f"{count} {kind}" for kind, count in report.left_out.items())
+            number = sum(report.left_out.values())
+            output.note(f"left out: {number} file{'s' if number > 1 else ''} of kinds that are not read ({kinds})")
         done = f"{report.fitted} fitted, {report.present} already there, {len(report.failed)} failed"
         output.note(f"{self.output}: {done}")
 

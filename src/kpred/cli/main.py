@@ -96,9 +96,10 @@ def _run(name: str, words: list[str]) -> int:
     import tyro
 
     from kpred.cli.output import Output
+    from kpred.database.address import masked
 
     module = import_module(f"kpred.cli.{_MODULES.get(name, name)}")
-    line = shlex.join(["kpred", name, *words])
+    line = masked(shlex.join(["kpred", name, *words]))
     found: Group | type[Command] = module.COMMAND
     summary, implied = COMMANDS[name], getattr(module, "IMPLIED", None)
     while isinstance(found, dict):
@@ -141,6 +142,9 @@ def _no_word(word: str) -> bool:
 
 def _sentence(error: Exception) -> str:
     """What went wrong, on one line, and how to mend it."""
+    from kpred.cli.output import printable
+    from kpred.database.address import masked
+
     if isinstance(error, KpredError | UsageError):
         text = str(error)
     elif isinstance(error, OSError):
@@ -150,7 +154,7 @@ def _sentence(error: Exception) -> str:
         text = "not enough memory; give a smaller input"
     else:
         text = f"unexpected {type(error).__name__}: {error}; run again with --debug and report what it shows"
-    return " ".join(text.split())
+    return printable(masked(" ".join(text.split())))
 
 
 def _show_warning(
@@ -161,7 +165,9 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    print(f"kpred: warning: {' '.join(str(message).split())}", file=sys.stderr)
+    from kpred.cli.output import printable
+
+    print(f"kpred: warning: {printable(' '.join(str(message).split()))}", file=sys.stderr)
 
 
 def _help() -> str:

@@ -44,11 +44,11 @@ class Output:
 
     def note(self, text: str) -> None:
         """A line for people; plain text, no markup."""
-        self.people.print(text, markup=False)
+        self.people.print("\n".join(map(printable, text.split("\n"))), markup=False)
 
     def caution(self, text: str) -> None:
         """What may be wrong with the result: a line on standard error, whoever reads standard output."""
-        print(f"kpred: note: {' '.join(text.split())}", file=sys.stderr)
+        print(f"kpred: note: {printable(' '.join(text.split()))}", file=sys.stderr)
 
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
         """A table for people; columns that hold numbers only are set flush right."""
@@ -57,7 +57,7 @@ class Output:
         from rich.text import Text
 
         body = [list(row) for row in rows]
-        table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        table = Table(title=Text(printable(title)), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
         for number, name in enumerate(columns):
             numeric = bool(body) and all(isinstance(row[number], int | float | None) for row in body)
             table.add_column(Text(name), justify="right" if numeric else "left", overflow="fold")
@@ -92,7 +92,12 @@ def plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
+def printable(text: str) -> str:
+    """A line without characters that steer a terminal: names of models and files may hold any."""
+    return "".join(letter if letter.isprintable() or letter == "\t" else ascii(letter)[1:-1] for letter in text)
+
+
 def _shown(cell: object) -> str:
     if isinstance(cell, float):
         return f"{cell:.4g}"
-    return "" if cell is None else str(cell)
+    return "" if cell is None else printable(str(cell))

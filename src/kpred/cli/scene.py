@@ -61,9 +61,12 @@ class SceneCommand(Command):
     """Do not take objects to stand on the scene's floor, where their feet were not scanned"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
+    overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Replace files beside OUT (record, alignments, picture) that kpred did not make"""
 
     def run(self, output: Output) -> None:
         """Fit, write the files, print what became of each object."""
+        from kpred.cli.fit_files import check_foreign
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ScanError
         from kpred.fitting.scene import fit_scene
@@ -71,6 +74,8 @@ class SceneCommand(Command):
         from kpred.shapes.scene_objects import objects_of
 
         _check_output(self._files(scene_name(self.scene)), [self.scene, self.objects, self.labels])
+        if not self.overwrite:
+            check_foreign(self.output.with_suffix(".json"), self._files(scene_name(self.scene))[1:])
         scene = read_scene(self.scene, None if self.up == "auto" else self.up, self.labels)
         objects = objects_of(scene, self.objects)
         with ProgressBar() as bar:

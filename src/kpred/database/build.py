@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from kpred.database.address import is_address
 from kpred.database.connection import check_replaceable, explained
 from kpred.database.encode import prepare_mesh
 from kpred.database.encoders import Batch, Encoder, InProcesses, InThisProcess
 from kpred.database.entry import Entry
-from kpred.database.postgres_home import is_address
 from kpred.database.store import Database
 from kpred.errors import DatabaseError, MeshError
 from kpred.nn import KPRed

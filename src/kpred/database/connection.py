@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +22,9 @@ from kpred.errors import DatabaseError
 OLDEST = 1
 """The oldest format that `update_database` brings up to date."""
 
+_ABANDONED = 86_400.0
+"""Seconds."""
+
 _MAGIC = b"SQLite format 3\0"
 
 
@@ -27,6 +32,7 @@ def create_file(path: Path, created_by: str) -> None:
     """Write an empty database with all tables in a temporary place and move it to `path`, whole or not at all."""
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(path.parent)
         with tempfile.TemporaryDirectory(prefix=".kpred-", dir=path.parent) as folder:
             temporary = Path(folder) / path.name
             engine = create_engine("sqlite://", creator=lambda: sqlite3.connect(temporary), poolclass=StaticPool)
@@ -43,6 +49,16 @@ def create_file(path: Path, created_by: str) -> None:
             finally:
                 engine.dispose()
             os.replace(temporary, path)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove folders of unfinished databases that nobody has touched for a day: a killed process left them."""
+    for item in folder.glob(".kpred-*"):
+        try:
+            if item.is_dir() and not item.is_symlink() and time.time() - item.stat().st_mtime > _ABANDONED:
+                shutil.rmtree(item, ignore_errors=True)
+        except OSError:
+            continue
 
 
 def check_replaceable(path: Path) -> None:
@@ -125,6 +141,8 @@ def _check_magic(path: Path) -> None:
         raise DatabaseError(f"Database {path} does not exist; check the path, or make it with 'kpred database build'.")
     if path.is_dir():
         raise DatabaseError(f"Database {path} is a folder; give the database file itself.")
+    if not path.is_file():
+        raise DatabaseError(f"Database {path} is a pipe or a device; give the database file itself.")
     with open(path, "rb") as file:
         start = file.read(len(_MAGIC))
     if start != _MAGIC:

@@ -18,6 +18,7 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
+from kpred.database.address import masked
 from kpred.database.arrays import DamagedArray
 from kpred.database.home import Added, Progress
 from kpred.database.lost import ConnectionLost
@@ -57,11 +58,6 @@ _STARTING = ("57P01", "57P02", "57P03")
 """What a server says that is stopping or starting."""
 
 
-def is_address(path: str | os.PathLike[str]) -> bool:
-    """Whether this is a server's address and not a file."""
-    return re.match(r"postgres(ql)?(\+\w+)?:/", os.fspath(path)) is not None
-
-
 def database_exists(address: str | os.PathLike[str], timeout: float = 5.0) -> bool:
     """Whether there are tables of kpred on the server. Raises DatabaseError when it cannot be reached."""
     home = PostgresHome(address, read_only=True, timeout=timeout, check=False)
@@ -95,15 +91,15 @@ class PostgresHome:
         written = re.sub(r"^postgres(ql)?(\+\w+)?:/+", "postgresql+psycopg://", os.fspath(address))
         try:
             url = make_url(written)
-            self.path = url.render_as_string(hide_password=True).replace("+psycopg", "", 1)
+            self.path = masked(written).replace("+psycopg", "", 1)
             arguments = {"connect_timeout": max(1, round(timeout))}
             if "options" not in url.query:
                 arguments["options"] = "-c search_path=kpred,public"  # type: ignore[assignment]
             self._engine: Engine = create_engine(
                 url, pool_size=_POOL, max_overflow=_POOL, pool_pre_ping=True, pool_timeout=30, connect_args=arguments
             )
-        except ArgumentError as error:
-            raise DatabaseError(f"{address} is no address; write postgresql://user@host/name.") from error
+        except (ArgumentError, ValueError) as error:
+            raise DatabaseError(f"{masked(address)} is no address; write postgresql://user@host/name.") from error
         except (ImportError, NoSuchModuleError) as error:
             raise ConfigError("PostgreSQL needs psycopg and Alembic; pip install 'kpred[postgres]'.") from error
         self.read_only = read_only
@@ -259,7 +255,7 @@ def _explained(name: str) -> Iterator[None]:
         yield
     except DBAPIError as error:
         code = str(getattr(error.orig, "sqlstate", None) or "")
-        reason = (str(error.orig).splitlines() or [type(error.orig).__name__])[0].strip()
+        reason = masked((str(error.orig).splitlines() or [type(error.orig).__name__])[0].strip())
         lost = error.connection_invalidated or code[:2] in ("08", "57")
         if code in _SENTENCES:
             raise DatabaseError(f"Database {name}: {_SENTENCES[code]}") from error

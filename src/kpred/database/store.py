@@ -14,6 +14,7 @@ import numpy as np
 from sqlalchemy import Connection, func, select
 
 from kpred import __version__
+from kpred.database.address import is_address
 from kpred.database.candidates import Candidates, stacked
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
@@ -21,7 +22,7 @@ from kpred.database.facts import facts
 from kpred.database.home import Home, Progress
 from kpred.database.kept import Kept
 from kpred.database.lost import steadily
-from kpred.database.postgres_home import PostgresHome, database_exists, is_address
+from kpred.database.postgres_home import PostgresHome, database_exists
 from kpred.database.rows import FittingArrays, chunks, delete_rows, find_rows, read_entry, read_fitting_arrays
 from kpred.database.schema import CategoryRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result

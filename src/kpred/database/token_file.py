@@ -1,7 +1,8 @@
 """The file of a token table: written once beside the database, mapped into memory by every process that searches.
 
-Layout: a page with magic, length and JSON header; then the arrays, each at the start of a page. The file is a cache:
-it is made from the database when it is missing or does not belong to it, and may be deleted at any time.
+Layout: a page with magic, checksum and JSON header; then the arrays, each at the start of a page, whose checksums
+stand in the header. The file is a cache: it is made from the database when it is missing, damaged or does not belong to
+it, and may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 import mmap
 import os
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -26,9 +28,12 @@ from kpred.database.token_table import TableKey, TokenTable
 from kpred.errors import OutputError
 from kpred.shapes.atomic import atomic_path
 
-_MAGIC = b"KPRDTOK1"
+_MAGIC = b"KPRDTOK2"
 _HEADER = 8192
 _PAGE = 4096
+_CHECKED_BYTES = 1 << 30
+"""Of the half-precision tokens more are not checked at opening: of a larger table a search reads few of them."""
+
 _ABANDONED = 3600.0
 """Seconds after which the unfinished file of another process is taken as left by one that was killed."""
 
@@ -61,13 +66,18 @@ def open_table(path: Path) -> TokenTable | None:
             start = file.read(_HEADER)
             if start[: len(_MAGIC)] != _MAGIC:
                 return None
-            header = json.loads(start[len(_MAGIC) :].split(b"\0", 1)[0])
+            body = start[len(_MAGIC) + 4 :].split(b"\0", 1)[0]
+            if zlib.crc32(body) != int.from_bytes(start[len(_MAGIC) : len(_MAGIC) + 4], "little"):
+                return None
+            header = json.loads(body)
             sections = {
                 name: _Section(at, dtype, tuple(shape)) for name, (at, dtype, shape) in header["arrays"].items()
             }
             if os.fstat(file.fileno()).st_size != max(section.end for section in sections.values()):
                 return None
             data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        if not all(_is_whole(section.of(data), header["checksums"][name], name) for name, section in sections.items()):
+            return None
         half = sections["half"]
         # Of the half-precision tokens single models are read; reading ahead would only fill the memory.
         place = (half.offset, half.end - half.offset)
@@ -107,23 +117,39 @@ def make_table(
         os.posix_fallocate(file.fileno(), 0, size)  # a full disk is told now, not by a signal when memory is written
         with _mapped(file.fileno(), size) as data:
             table = _fill(data, sections, shape, rows, progress)
-            for name, array in (("id_bytes", table[-2]), ("id_ends", table[-1])):
+            for name, array in _ids(table).items():
                 sections[name] = _Section(size, array.dtype.str, array.shape)
                 size = sections[name].end
                 file.seek(sections[name].offset)
                 file.write(array.tobytes())
             file.truncate(size)
-            header = {"key": asdict(key), "arrays": {name: tuple(section) for name, section in sections.items()}}
-            text = _MAGIC + json.dumps(header).encode()
+            arrays = {name: section.of(data) for name, section in sections.items() if section.end <= len(data)}
+            checksums = {name: zlib.crc32(array.data) for name, array in (arrays | _ids(table)).items()}
+            header = {
+                "key": asdict(key),
+                "arrays": {name: tuple(section) for name, section in sections.items()},
+                "checksums": checksums,
+            }
+            body = json.dumps(header).encode()
+            text = _MAGIC + zlib.crc32(body).to_bytes(4, "little") + body
             if len(text) >= _HEADER:
                 raise OSError(errno.ENAMETOOLONG, "the category's name is too long")
             file.seek(0)
             file.write(text)
-            del table
+            del table, arrays
     made = open_table(path)
     if made is None:
         raise OutputError(f"Cannot read {path} after writing it; check the disk.")
     return made
+
+
+def _ids(table: _Filled) -> dict[str, np.ndarray]:
+    """The arrays whose size is known only when all models have been seen."""
+    return {"id_bytes": table[-2], "id_ends": table[-1]}
+
+
+def _is_whole(array: np.ndarray, checksum: int, name: str) -> bool:
+    return (name == "half" and array.nbytes > _CHECKED_BYTES) or zlib.crc32(array.data) == checksum
 
 
 @contextmanager

@@ -40,6 +40,7 @@ LEAST_SIDE = 0.12
 USUAL_SIDES = (0.7, 0.5, 0.35)
 """Width, height and depth, as shares of the longest side, that such a plate's object is taken to have."""
 
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One reading of the scan, tried.
@@ -84,9 +85,7 @@ class Search:
     floor: float | None = None
 
 
-def hypotheses(
-    points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool
-) -> list[Hypothesis]:
+def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool) -> list[Hypothesis]:
     """Every reading tried, the likeliest first.
 
     Args:

@@ -1,4 +1,4 @@
-"""A pinhole camera: intrinsics, size of the picture, place in the world; and the files these are kept in.
+"""A pinhole camera: intrinsics, size of the picture, place in the world.
 
 Axes are OpenCV's: x to the right of the picture, y down, z forward. Pixel (column u, row v) has its centre at exactly
 (u, v), so the picture spans -0.5 to width - 0.5. Lengths are metres wherever depth pictures are involved.
@@ -6,12 +6,7 @@ Axes are OpenCV's: x to the right of the picture, y down, z forward. Pixel (colu
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +16,6 @@ _ROTATION_TOLERANCE = 5e-3
 """How far R R^T of a pose may be from the identity: poses are often written with few digits."""
 
 _ASPECT_TOLERANCE = 0.02
-_NUMBER_KEYS = ("fx", "fy", "cx", "cy")
-_MATRIX_KEYS = ("intrinsic_matrix", "camera_matrix", "intrinsics", "intrinsic", "K", "data")
-_POSE_KEYS = ("camera_to_world", "cam_to_world", "cam2world", "c2w", "pose", "transform_matrix")
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,105 +136,6 @@ def check_pose(matrix: np.ndarray, name: str = "pose") -> np.ndarray:
     pose = array.copy()
     pose[:3, :3] = left @ right
     return pose
-
-
-def read_intrinsics(path: str | os.PathLike[str]) -> tuple[np.ndarray, tuple[int, int] | None]:
-    """Intrinsics (3, 3) of a file, and the picture's (width, height) if the file names it.
-
-    Text (.txt): 3 x 3, 4 x 4 (ScanNet) or four numbers `fx fy cx cy`. JSON: keys fx, fy, cx, cy; or a matrix under
-    intrinsic_matrix (Open3D, column by column), camera_matrix, intrinsics, K; or just the matrix; optional width and
-    height. NumPy (.npy): the matrix.
-
-    Raises:
-        ConfigError: missing, unreadable, or not intrinsics.
-    """
-    file = Path(path)
-    content = _content(file, "intrinsics")
-    size = None
-    if isinstance(content, dict):
-        size = _picture_size(file, content)
-        for part in _dicts(content):
-            if all(key in part for key in _NUMBER_KEYS):
-                found: Any = [part[key] for key in _NUMBER_KEYS]
-            else:
-                found = next((part[key] for key in _MATRIX_KEYS if isinstance(part.get(key), list)), None)
-            if found is not None:
-                content, size = found, size or _picture_size(file, part)
-                break
-        else:
-            raise ConfigError(f"{file}: it names no intrinsics; give the keys fx, fy, cx and cy.")
-    array = _numbers(file, content)
-    if array.size == 4 and array.ndim == 1 or array.shape == (1, 4):
-        fx, fy, cx, cy = array.ravel()
-        array = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    elif array.shape == (9,):
-        array = array.reshape(3, 3)
-        # Open3D writes column by column: then the principal point stands where 0 0 must be.
-        array = array.T if array[2, 0] or array[2, 1] else array
-    return check_intrinsics(array, str(file)), size
-
-
-def read_pose(path: str | os.PathLike[str]) -> np.ndarray:
-    """Camera-to-world matrix (4, 4) of a .txt, .json (bare, or under camera_to_world, pose, ...) or .npy file.
-
-    Raises:
-        ScanError: the frame's tracking was lost (entries that are not finite).
-        ConfigError: missing, unreadable, or not a rigid motion.
-    """
-    file = Path(path)
-    content = _content(file, "pose")
-    if isinstance(content, dict):
-        key = next((key for key in _POSE_KEYS if key in content), None)
-        if key is None:
-            raise ConfigError(f"{file}: it names no pose; give a 4 x 4 matrix under the key camera_to_world.")
-        content = content[key]
-    array = _numbers(file, content)
-    if array.ndim < 2 and array.size in (12, 16):
-        array = array.reshape(-1, 4)
-    return check_pose(array, str(file))
-
-
-def _content(file: Path, kind: str) -> Any:
-    try:
-        if file.suffix.lower() == ".npy":
-            return np.load(file, allow_pickle=False)
-        text = file.read_text(encoding="utf-8")
-        if file.suffix.lower() == ".json":
-            return json.loads(text)
-        if file.suffix.lower() == ".txt":
-            rows = [line.partition("#")[0].replace(",", " ").split() for line in text.splitlines()]
-            rows = [row for row in rows if row]
-            return rows[0] if len(rows) == 1 else rows
-    except FileNotFoundError as error:
-        raise ConfigError(f"{file}: there is no such file; check the path of the {kind}.") from error
-    except OSError as error:
-        raise ConfigError(f"{file}: it cannot be read ({error.strerror or error}); check the {kind} file.") from error
-    except (ValueError, EOFError) as error:
-        raise ConfigError(f"{file}: it is not a readable {file.suffix} file; save the {kind} again.") from error
-    raise ConfigError(f"{file}: unknown extension {file.suffix!r} of {kind}; use .txt, .json or .npy.")
-
-
-def _numbers(file: Path, content: Any) -> np.ndarray:
-    try:
-        return np.array(content, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise ConfigError(f"{file}: its rows are not numbers of one matrix; write the matrix row by row.") from error
-
-
-def _dicts(content: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    yield content
-    for value in content.values():
-        if isinstance(value, dict):
-            yield from _dicts(value)
-
-
-def _picture_size(file: Path, content: dict[str, Any]) -> tuple[int, int] | None:
-    if "width" not in content or "height" not in content:
-        return None
-    width, height = content["width"], content["height"]
-    if not (isinstance(width, int) and isinstance(height, int) and width > 0 and height > 0):
-        raise ConfigError(f"{file}: width and height must be whole numbers of pixels, not {width!r} and {height!r}.")
-    return width, height
 
 
 def _shape(array: np.ndarray) -> str:

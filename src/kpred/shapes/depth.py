@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from kpred.errors import ConfigError, ScanError
 from kpred.shapes.camera import Camera
+from kpred.shapes.picture_file import read_picture
 from kpred.shapes.scan import MINIMUM_POINTS
 
 DEPTH_EXTENSIONS = (".png", ".npy", ".tif", ".tiff")
@@ -76,11 +77,14 @@ class MergedScan:
         return np.stack([scan.origin for scan in self.scans])
 
 
-def read_depth(path: str | os.PathLike[str], depth_scale: float | None = None) -> np.ndarray:
+def read_depth(
+    path: str | os.PathLike[str], depth_scale: float | None = None, units_per_metre: float | None = None
+) -> np.ndarray:
     """Depth picture of a file, (height, width) float64 metres; 0 where the sensor saw nothing.
 
     Whole numbers (16-bit .png or .tiff, integer .npy) are millimetres and their type's highest value means nothing was
-    seen; fractions (.tiff, .npy of floats) are metres. `depth_scale` says otherwise for both: units per metre.
+    seen; fractions (.tiff, .npy of floats) are metres. `depth_scale` says otherwise for both: units per metre;
+    `units_per_metre`, as a camera's file names it, for whole numbers alone.
 
     Raises:
         ScanError: missing, unreadable, or no depth picture (8 bits, colours, another shape).
@@ -89,7 +93,9 @@ def read_depth(path: str | os.PathLike[str], depth_scale: float | None = None) -
     if depth_scale is not None and not (np.isfinite(depth_scale) and depth_scale > 0):
         raise ConfigError(f"depth_scale is {depth_scale}; it must be a positive number of units per metre.")
     file = Path(path)
-    array = _picture(file, DEPTH_EXTENSIONS, "depth picture")
+    array = read_picture(file, DEPTH_EXTENSIONS, "depth picture")
+    if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]) and array.dtype.itemsize > 1:
+        array = array.reshape(array.shape[1:] if array.shape[0] == 1 else array.shape[:2])
     if array.ndim != 2 or array.dtype == bool or array.dtype.itemsize == 1:
         raise ScanError(
             f"{file}: it is no depth picture (shape {array.shape}, {array.dtype}); save depth as one 16-bit channel in "
@@ -101,7 +107,7 @@ def read_depth(path: str | os.PathLike[str], depth_scale: float | None = None) -
     # Pillow may widen 16 bits to 32, so that the values must tell which is the highest.
     widened = array.dtype.itemsize > 2 and array.max(initial=0) <= 65535
     highest = 65535 if widened else np.iinfo(array.dtype).max
-    depth = array.astype(np.float64) / (depth_scale or MILLIMETRES)
+    depth = array.astype(np.float64) / (depth_scale or units_per_metre or MILLIMETRES)
     return np.where((array > 0) & (array < highest), depth, 0.0)
 
 
@@ -130,7 +136,7 @@ def read_mask(path: str | os.PathLike[str], mask_id: int | None = None) -> np.nd
         ScanError: missing, unreadable, colours in place of ids, no pixel of that id, or several ids and none chosen.
     """
     file = Path(path)
-    array = _picture(file, MASK_EXTENSIONS, "mask")
+    array = read_picture(file, MASK_EXTENSIONS, "mask")
     if array.ndim != 2 or array.dtype.kind not in "biu":
         raise ScanError(
             f"{file}: a mask is one channel of instance ids or booleans, but this is {array.dtype} of shape "
@@ -205,19 +211,6 @@ def scan_depth(
     return DepthScan(camera.unproject(pixels, depth[rows, columns]), camera, pixels)
 
 
-def check_size(depth: np.ndarray, size: tuple[int, int] | None, name: str, intrinsics: str) -> None:
-    """Refuse intrinsics that say they belong to pictures of another (width, height) than `depth`'s.
-
-    Raises:
-        ScanError: the sizes differ.
-    """
-    if size is not None and size != depth.shape[::-1]:
-        raise ScanError(
-            f"{name}: the depth picture has {_size(depth.shape)} pixels, but {intrinsics} is of a camera with "
-            f"{size[0]} x {size[1]}; give the intrinsics of the depth camera."
-        )
-
-
 def flying_pixels(depth: np.ndarray, camera: Camera) -> np.ndarray:
     """Pixels (height, width) bool that float between surfaces, where a sensor mixed the depths of front and back.
 
@@ -270,25 +263,6 @@ def merge_views(scans: Sequence[DepthScan], voxel: float = VOXEL) -> MergedScan:
         rows = np.sort(order[first])
         points, views = points[rows], views[rows]
     return MergedScan(points, views, tuple(scans))
-
-
-def _picture(file: Path, extensions: tuple[str, ...], kind: str) -> np.ndarray:
-    if file.suffix.lower() not in extensions:
-        raise ScanError(f"{file}: unknown extension {file.suffix!r} of a {kind}; use {', '.join(extensions)}.")
-    try:
-        if file.suffix.lower() == ".npy":
-            array = np.asarray(np.load(file, allow_pickle=False))
-            if array.dtype.kind not in "biuf":
-                raise ScanError(f"{file}: it holds {array.dtype}, not numbers; save the {kind} as numbers.")
-            return array
-        with Image.open(file) as picture:
-            return np.asarray(picture)
-    except FileNotFoundError as error:
-        raise ScanError(f"{file}: there is no such file; check the path of the {kind}.") from error
-    except UnidentifiedImageError as error:
-        raise ScanError(f"{file}: it is not a picture; save the {kind} again.") from error
-    except (OSError, ValueError, EOFError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ScanError(f"{file}: it cannot be read (damaged or cut short: {error}); save the {kind} again.") from error
 
 
 def _size(shape: tuple[int, ...]) -> str:

@@ -17,6 +17,8 @@ def decompress_lzf(data: bytes, size: int) -> bytes:
     at, end = 0, len(data)
     try:
         while at < end:
+            if len(out) > size:
+                raise ValueError(f"more than {size} bytes come out")
             control = data[at]
             at += 1
             if control < 32:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kpred.errors import ManifestError
+from kpred.errors import KpredError, ManifestError
+from kpred.shapes.reading import check_file
 
 _PART = 8192
 
@@ -42,13 +43,11 @@ def read_manifest(path: str | os.PathLike[str]) -> Iterator[ManifestRow]:
         ManifestError: no such file, no whole Parquet file, no column `path` of text, or pyarrow is not installed.
     """
     try:
-        import pyarrow
         from pyarrow import parquet
     except ImportError as error:
         raise ManifestError(f"{path}: Parquet files need pyarrow; pip install 'kpred[parquet]'.") from error
     file = Path(path)
-    if not file.is_file():
-        raise ManifestError(f"{file}: there is no such file; give a Parquet manifest or a folder.")
+    check_file(file, ManifestError, "Parquet manifest")
     try:
         table = parquet.ParquetFile(file)
         names = set(table.schema_arrow.names)
@@ -62,10 +61,11 @@ def read_manifest(path: str | os.PathLike[str]) -> Iterator[ManifestRow]:
             for row in part.to_pylist():
                 yield _row(row, number, file)
                 number += 1
-    except (pyarrow.ArrowException, OSError) as error:
-        raise ManifestError(
-            f"{file}: it is no whole Parquet file ({str(error).splitlines()[0]}); write it again."
-        ) from error
+    except (KpredError, GeneratorExit):
+        raise
+    except Exception as error:  # The parser of foreign bytes may fail in any way.
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        raise ManifestError(f"{file}: it is no whole Parquet file ({reason}); write it again.") from error
 
 
 def _row(row: dict[str, Any], number: int, file: Path) -> ManifestRow:

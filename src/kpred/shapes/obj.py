@@ -14,6 +14,11 @@ import numpy as np
 
 from kpred.errors import MeshError
 from kpred.shapes.polygon import triangulate
+from kpred.shapes.records import number_of
+from kpred.shapes.text_lines import open_lines
+
+_MAX_INDEX = 2**62
+"""Beyond it the index of a vertex does not fit into 64 bits."""
 
 
 def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,12 +39,12 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     object_name = group_name = b""
     part = -1
     number = 0
-    with open(path, "rb") as stream:
+    with open_lines(path) as stream:
         try:
             for number, line in _logical_lines(stream):  # noqa: B007 (the message below names it)
                 if line.startswith(b"v "):
                     x, y, z = line.split(None, 4)[1:4]
-                    coordinates.extend((float(x), float(y), float(z)))
+                    coordinates.extend((number_of(x), number_of(y), number_of(z)))
                 elif line.startswith(b"f "):
                     words = line.split()[1:]
                     if len(words) < 3:
@@ -47,7 +52,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                     count = len(coordinates) // 3
                     for word in words:
                         index = int(word.split(b"/", 1)[0])
-                        if index == 0 or index < -count:
+                        if index == 0 or index < -count or index > _MAX_INDEX:
                             raise ValueError("no such vertex")
                         index = index - 1 if index > 0 else count + index
                         corners.append(index)
@@ -59,6 +64,8 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                     object_name, part = line[1:].strip(), -1
                 elif line.startswith((b"g ", b"g\n", b"g\r")):
                     group_name, part = line[1:].strip(), -1
+                elif b"\x00" in line:
+                    raise MeshError(f"{path}: it is not a text file; export the mesh as a text OBJ.")
         except ValueError as error:
             raise MeshError(f"{path}: line {number} is not a proper OBJ line; export the mesh again.") from error
     vertices = np.array(coordinates, dtype=np.float64).reshape(-1, 3)
@@ -69,10 +76,10 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return vertices, faces, np.array(parts, dtype=np.int64)[polygon]
 
 
-def obj_lines(vertices: np.ndarray, faces: np.ndarray, parts: np.ndarray | None) -> Iterator[str]:
+def obj_lines(vertices: np.ndarray, faces: np.ndarray, parts: np.ndarray | None, digits: int = 9) -> Iterator[str]:
     """Yield the lines of an OBJ file; nine digits give float32 back exactly. Each part becomes an object."""
     for x, y, z in vertices.tolist():
-        yield f"v {x:.9g} {y:.9g} {z:.9g}\n"
+        yield f"v {x:.{digits}g} {y:.{digits}g} {z:.{digits}g}\n"
     groups: Iterable[tuple[str, np.ndarray]] = [("", faces)]
     if parts is not None:
         groups = [(f"o part_{part}\n", faces[parts == part]) for part in np.unique(parts)]
@@ -83,12 +90,15 @@ def obj_lines(vertices: np.ndarray, faces: np.ndarray, parts: np.ndarray | None)
 
 
 def _logical_lines(stream: Iterable[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Lines with their numbers, without leading blanks; a backslash at the end joins the next line."""
-    held = b""
+    """Lines with their numbers, without leading blanks and comments; a backslash at the end joins the next line."""
+    held: list[bytes] = []
     for number, raw in enumerate(stream, start=1):
-        line = held + raw.lstrip() if held or raw[:1].isspace() else raw
+        line = raw.partition(b"#")[0] + b"\n" if b"#" in raw and not raw.startswith((b"o", b"g", b"m", b"u")) else raw
+        if held or line[:1].isspace():
+            line = line.lstrip()
         if line.endswith((b"\\\n", b"\\\r\n")):
-            held = line.rstrip(b"\r\n")[:-1] + b" "
+            held.append(line.rstrip(b"\r\n")[:-1])
             continue
-        held = b""
+        if held:
+            line, held = b" ".join([*held, line]), []
         yield number, line.replace(b"\t", b" ", 1) if b"\t" in line else line

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,8 +13,13 @@ import numpy as np
 from kpred.errors import PackError
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.mesh import Mesh
+from kpred.shapes.reading import check_file, reading
 
 _REQUIRED = ("vertices", "faces", "vertex_offsets", "face_offsets", "model_id", "split")
+_MAX_RATIO = 64
+_FREE_BYTES = 1 << 26
+"""Bytes that one of a pack may expand to, beyond a first part: meshes do not compress so well."""
+
 _KNOWN = (*_REQUIRED, "anno_id", "face_part", "part_names", "category")
 
 
@@ -60,17 +64,9 @@ class MeshPack:
             PackError: the file is missing, truncated, not an npz, or its arrays are not a pack's.
         """
         file = Path(path)
-        if file.is_dir():
-            raise PackError(f"{file}: it is a folder; give the .npz file of a mesh pack.")
-        if not file.exists():
-            raise PackError(f"{file}: there is no such file; give the .npz file of a mesh pack.")
-        try:
-            with np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
-        except (OSError, ValueError, EOFError, LookupError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-            raise PackError(f"{file}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
-        except (AttributeError, TypeError) as error:  # np.load of a bare .npy gives an array, which is no context
-            raise PackError(f"{file}: it is a single array, not a mesh pack; give an .npz pack.") from error
+        check_file(file, PackError, ".npz file of a mesh pack")
+        with reading(file, PackError):
+            arrays = _arrays(file)
         missing = [name for name in _REQUIRED if name not in arrays]
         if missing:
             raise PackError(f"{file}: it is not a mesh pack, it lacks {', '.join(missing)}; give an .npz pack.")
@@ -89,7 +85,7 @@ class MeshPack:
                 part_names=None if "part_names" not in arrays else arrays["part_names"].astype(str),
                 extra={name: array for name, array in arrays.items() if name not in _KNOWN},
             )
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, OverflowError) as error:
             raise PackError(
                 f"{file}: an array of the pack has a wrong type ({error}); write the pack again."
             ) from error
@@ -205,6 +201,26 @@ def _check(pack: MeshPack) -> None:
         return
     if pack.face_part.min() < -1 or pack.face_part.max() >= len(pack.part_names):
         raise PackError("face_part names a part that part_names does not have; write the pack again.")
+
+
+def _arrays(file: Path) -> dict[str, np.ndarray]:
+    """All arrays of a pack, after a look at how large they say they are."""
+    if not zipfile.is_zipfile(file):
+        with open(file, "rb") as stream:
+            single = stream.read(6) == b"\x93NUMPY"
+        what = "a single array, not a mesh pack" if single else "not a readable .npz file (damaged or cut short)"
+        raise PackError(f"{file}: it is {what}; give an .npz pack.")
+    try:
+        with zipfile.ZipFile(file) as archive:
+            expanded = sum(item.file_size for item in archive.infolist())
+            if expanded > _MAX_RATIO * file.stat().st_size + _FREE_BYTES:
+                raise PackError(f"{file}: its {expanded / 1e9:.1f} GB are more than a pack of its size can hold.")
+        with np.load(file, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except PackError:
+        raise
+    except Exception as error:  # A parser of foreign bytes may fail in any way.
+        raise PackError(f"{file}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
 
 
 def concatenate(packs: Sequence[MeshPack], category: str | None = None) -> MeshPack:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-_LARGEST_CLIPPED = 1000
+_MAX_CORNERS = 100_000
+"""Corners of one polygon beyond which it is cut as a fan: clipping ears is quadratic on hostile outlines."""
+
+_MAX_CLIPPED = 2_000_000
+"""Sum of squared corners (in thousands) over all polygons of a file that are clipped; the others are cut as fans."""
 
 
 def triangulate(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -24,9 +28,12 @@ def triangulate(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) ->
     origins = [three]
     blocks.append(split_quads(vertices, corners[starts[four][:, None] + np.arange(4)]))
     origins.append(np.repeat(four, 2))
+    spent = 0
     for polygon in np.flatnonzero(sizes > 4):
-        cut = split_polygon(vertices, corners[starts[polygon] : starts[polygon + 1]].tolist())
-        blocks.append(np.array(cut, dtype=np.int64))
+        outline = corners[starts[polygon] : starts[polygon + 1]]
+        spent += len(outline) ** 2 // 1000
+        cut = split_polygon(vertices, outline) if spent <= _MAX_CLIPPED else _fan(outline)
+        blocks.append(cut)
         origins.append(np.full(len(cut), polygon))
     origin = np.concatenate(origins)
     order = np.argsort(origin, kind="stable")
@@ -39,54 +46,42 @@ def split_quads(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     A concave quad is cut along the diagonal that lies inside it.
     """
     a, b, c, d = (vertices[quads[:, k]] for k in range(4))
-    folded = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        folded = (np.cross(b - a, c - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
     first = np.where(folded[:, None], quads[:, [0, 1, 3]], quads[:, [0, 1, 2]])
     second = np.where(folded[:, None], quads[:, [1, 2, 3]], quads[:, [0, 2, 3]])
     return np.stack([first, second], axis=1).reshape(-1, 3)
 
 
-def split_polygon(vertices: np.ndarray, corners: list[int]) -> list[tuple[int, int, int]]:
-    """Vertex indices of one polygon (n corners) -> its n - 2 triangles, by clipping ears.
+def split_polygon(vertices: np.ndarray, corners: np.ndarray | list[int]) -> np.ndarray:
+    """(n,) vertex indices of one polygon -> (n - 2, 3) triangles, by clipping ears; fewer if corners coincide.
 
-    Seen along Newell's normal. A polygon that crosses itself or has very many corners is cut as a fan.
+    Seen along Newell's normal. A polygon without an area or with very many corners is cut as a fan.
     """
-    fan = [(corners[0], corners[i], corners[i + 1]) for i in range(1, len(corners) - 1)]
-    if len(corners) < 4 or len(corners) > _LARGEST_CLIPPED:
-        return fan
-    points = vertices[corners] - vertices[corners[0]]
-    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-    if not np.isfinite(normal).all() or not normal.any():
-        return fan
+    outline = np.asarray(corners, dtype=np.int64)
+    if len(outline) < 4 or len(outline) > _MAX_CORNERS:
+        return _fan(outline)
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = vertices[outline] - vertices[outline[0]]
+        normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    if not (np.isfinite(normal).all() and np.isfinite(points).all() and normal.any()):
+        return _fan(outline)
+    from mapbox_earcut import triangulate_float64
+
     drop = int(np.abs(normal).argmax())
     # Dropping the largest axis of the normal, and keeping its sign, makes the polygon counter-clockwise in the plane.
     keep = [(drop + 1) % 3, (drop + 2) % 3] if normal[drop] > 0 else [(drop + 2) % 3, (drop + 1) % 3]
-    flat = points[:, keep].tolist()
-    left = list(range(len(corners)))
-    triangles = []
-    while len(left) > 3:
-        for i in range(len(left)):
-            before, here, after = left[i - 1], left[i], left[(i + 1) % len(left)]
-            if _is_ear(flat, before, here, after, left):
-                triangles.append((corners[before], corners[here], corners[after]))
-                del left[i]
-                break
-        else:
-            return fan
-    return [*triangles, (corners[left[0]], corners[left[1]], corners[left[2]])]
+    flat = np.ascontiguousarray(points[:, keep])
+    found = triangulate_float64(flat, np.array([len(outline)], dtype=np.uint32)).astype(np.int64).reshape(-1, 3)
+    if not len(found):
+        return _fan(outline)
+    a, b, c = (flat[found[:, k]] for k in range(3))
+    flipped = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    return outline[np.where(flipped[:, None], found[:, ::-1], found)]
 
 
-def _is_ear(flat: list[list[float]], before: int, here: int, after: int, left: list[int]) -> bool:
-    a, b, c = flat[before], flat[here], flat[after]
-    if _turn(a, b, c) < 0:
-        return False
-    for other in left:
-        p = flat[other]
-        if other in (before, here, after) or p in (a, b, c):
-            continue
-        if _turn(a, b, p) >= 0 and _turn(b, c, p) >= 0 and _turn(c, a, p) >= 0:
-            return False
-    return True
-
-
-def _turn(a: list[float], b: list[float], c: list[float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def _fan(outline: np.ndarray) -> np.ndarray:
+    """(n,) vertex indices -> (max(n - 2, 0), 3) triangles around the first corner."""
+    count = max(len(outline) - 2, 0)
+    first = np.full(count, outline[0] if count else 0, dtype=np.int64)
+    return np.stack([first, outline[1 : count + 1], outline[2 : count + 2]], axis=1)

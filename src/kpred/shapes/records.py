@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 import warnings
 from collections.abc import Iterable, Iterator
 from itertools import islice
@@ -13,8 +15,12 @@ from kpred.errors import ScanError
 
 BLOCK_ROWS = 65536
 
-_SEPARATORS = bytes.maketrans(b",;\t|", b"    ")
+_MAX_DIGITS = 400
+"""Characters of one number; more are damage, and slow to parse."""
+
+_MAX_LINE = 1 << 20
 _COMMENTS = (b"#", b"//", b"%")
+_DECIMAL_COMMA = re.compile(rb"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
 def truncated(name: str, found: int, wanted: int) -> ScanError:
@@ -35,38 +41,44 @@ def binary_records(stream: IO[bytes], dtype: np.dtype, count: int, name: str) ->
         if not len(rows):
             raise truncated(name, done, count)
         done += len(rows)
-        yield np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            # Of a field with several numbers the first is the coordinate.
+            yield np.stack([rows[axis].astype(np.float64).reshape(len(rows), -1)[:, 0] for axis in "xyz"], axis=1)
 
 
 def text_records(
-    lines: Iterable[bytes],
-    columns: tuple[int, int, int],
-    name: str,
-    first_line: int = 1,
-    decimal_comma: bool = False,
+    lines: Iterable[bytes], columns: tuple[int, int, int], name: str, first_line: int = 1, counted: bool = False
 ) -> Iterator[np.ndarray]:
     """Yield (n, 3) float64 blocks from lines of numbers; empty lines and comments are skipped.
 
     Args:
-        lines: separated by blanks, tabs, commas or semicolons.
+        lines: separated by blanks, tabs, semicolons or commas; ``1,5 2,5 3,5`` and ``1,5;2,5;3,5`` have decimal commas.
         columns: where x, y and z stand in a line.
         name: of the file, for messages.
         first_line: number of the first of ``lines`` in the file, for messages.
-        decimal_comma: 1,5 means one and a half, as in ``1,5;2,5;3,5``.
+        counted: a line of one whole number is the count of a further part, and is skipped.
 
     Raises:
         ScanError: a line does not hold numbers in these columns.
     """
     iterator = iter(lines)
     while block := list(islice(iterator, BLOCK_ROWS)):
-        if decimal_comma:
-            block = [line.replace(b",", b".") for line in block]
         rows = _uniform_rows(block, columns)
         if rows is None:
-            rows = _ragged_rows(block, columns, name, first_line)
+            rows = _ragged_rows(block, columns, name, first_line, counted)
         if len(rows):
             yield rows
         first_line += len(block)
+
+
+def parse_numbers(text: bytes) -> np.ndarray | None:
+    """(N,) float64 of numbers that are separated by white space; None where anything else stands there."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text.decode("ascii"), sep=" ") if text.strip() else np.zeros(0)
+        except (ValueError, DeprecationWarning):
+            return None
 
 
 def _uniform_rows(block: list[bytes], columns: tuple[int, int, int]) -> np.ndarray | None:
@@ -75,32 +87,33 @@ def _uniform_rows(block: list[bytes], columns: tuple[int, int, int]) -> np.ndarr
     if width <= max(columns):
         return None
     text = b" ".join(block)
-    if any(pair in text for pair in (b",,", b";;")):  # An empty column would shift those after it.
+    # An empty column would shift those after it; quotes may hold separators.
+    if b'"' in text or any(pair in text for pair in (b",,", b";;")):
         return None
-    text = text.translate(_SEPARATORS)
+    decimal = b"," in text and (b";" in text or _has_decimal_commas(next(line for line in block if b"," in line)))
+    text = text.translate(bytes.maketrans(b",;\t|", b".   " if decimal else b"    "))
     widths = list(map(len, map(bytes.split, text.split(b"\n"))))
     if not set(widths) <= {0, width}:
         return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            values = np.fromstring(text.decode("ascii"), sep=" ")
-        except (ValueError, DeprecationWarning):
-            return None
-    if len(values) != sum(widths):
+    values = parse_numbers(text)
+    if values is None or len(values) != sum(widths):
         return None
     return values.reshape(-1, width)[:, columns]
 
 
-def _ragged_rows(block: list[bytes], columns: tuple[int, int, int], name: str, first_line: int) -> np.ndarray:
+def _ragged_rows(
+    block: list[bytes], columns: tuple[int, int, int], name: str, first_line: int, counted: bool
+) -> np.ndarray:
     rows = []
     for number, line in enumerate(block, start=first_line):
         content = line.split(b"#", 1)[0].strip()
         if not content or content.startswith(_COMMENTS):
             continue
         values = split_line(content)
+        if counted and len(values) == 1 and values[0].isdigit():
+            continue
         try:
-            rows.append([_number(values[column]) for column in columns])
+            rows.append([number_of(values[column]) for column in columns])
         except (IndexError, ValueError):
             raise ScanError(
                 f"{name}: line {number} does not hold x, y and z as numbers; mend or remove that line."
@@ -108,14 +121,47 @@ def _ragged_rows(block: list[bytes], columns: tuple[int, int, int], name: str, f
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
-def _number(token: bytes) -> float:
-    # Microsoft runtimes print NaN as -nan(ind), 1.#QNAN or the like.
-    return float("nan") if b"nan" in token.lower() else float(token)
+def number_of(token: bytes) -> float:
+    """One number, as programs write it: with a decimal comma, in quotes, or NaN in the words of some runtime.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if len(token) > _MAX_DIGITS or b"_" in token:
+        raise ValueError("not a number")
+    try:
+        return float(token)
+    except ValueError:
+        # Microsoft runtimes print NaN as -nan(ind), 1.#QNAN or the like.
+        if b"nan" in token.lower() or b"#ind" in token.lower():
+            return float("nan")
+        return float(token.strip().strip(b"\"'").strip().replace(b",", b"."))
 
 
 def split_line(line: bytes) -> list[bytes]:
-    """Columns of a line; separated by semicolons, commas (empty columns count) or white space."""
-    for separator in (b";", b",", b"|"):
-        if separator in line:
-            return [column.strip() for column in line.strip().rstrip(separator).split(separator)]
+    """Columns of a line; separated by semicolons, commas (empty columns count), tabs, bars or white space."""
+    if len(line) > _MAX_LINE:
+        return []
+    if b'"' in line:
+        text = line.decode("latin-1").strip()
+        separator = next((mark for mark in ";\t|" if mark in text), "," if '",' in text or ',"' in text else " ")
+        (words,) = csv.reader([text], delimiter=separator, skipinitialspace=True)
+        return [word.strip().encode("latin-1") for word in words]
+    if b"," in line and b";" not in line and _has_decimal_commas(line):
+        return line.replace(b"|", b" ").split()
+    for separator_byte in (b";", b",", b"|"):
+        if separator_byte in line:
+            return [column.strip() for column in line.strip().rstrip(separator_byte).split(separator_byte)]
     return line.split()
+
+
+def _has_decimal_commas(line: bytes) -> bool:
+    """Whether at least three words of white space stand there, and the commas are those of numbers such as 1,5."""
+    words = line.split()
+    commas = [word for word in words if b"," in word]
+    return (
+        len(words) >= 3
+        and bool(commas)
+        and b"." not in line
+        and all(_DECIMAL_COMMA.fullmatch(word) is not None for word in commas)
+    )

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from kpred.errors import ConfigError, MeshError, ScanError
+from kpred.errors import ConfigError, ScanError
 from kpred.shapes.mesh_io import Geometry, read_geometry
+from kpred.shapes.ply_header import read_ply_header
+from kpred.shapes.precision import single_precision_step
+from kpred.shapes.reading import check_file, reading
 from kpred.shapes.records import BLOCK_ROWS
 from kpred.shapes.scan_array import npy_points, npz_points
-from kpred.shapes.scan_pcd import pcd_is_organised, pcd_points
-from kpred.shapes.scan_ply import ply_points, read_ply_header
+from kpred.shapes.scan_pcd import pcd_points
+from kpred.shapes.scan_ply import ply_points
 from kpred.shapes.scan_text import text_points
 
 TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts")
@@ -30,11 +34,18 @@ _DENSE_AREA = 0.9
 _DENSE_EDGE = 0.05
 _ALWAYS_DENSE = 1_000_000
 
+# Coordinates whose steps in single precision are larger than this part of the object spoil its surface.
+_COARSE_STEP = 0.01
+
 # Sizes whose squares single precision cannot hold; no unit of length makes an object so small or so large.
 _SMALLEST, _LARGEST = 1e-18, 1e18
 
 # Width over length (as standard deviations) below which points count as lying on one line.
 _LINE = 1e-4
+
+
+class ScanWarning(UserWarning):
+    """A scan can be used, but may be worse than it should be; the message says why."""
 
 
 def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> np.ndarray:
@@ -62,23 +73,14 @@ def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int
     if max_points < MINIMUM_POINTS:
         raise ConfigError(f"max_points is {max_points}; it must be at least {MINIMUM_POINTS}.")
     extension = file.suffix.lower()
-    if file.is_dir():
-        raise ScanError(f"{file}: it is a folder; give one scan file.")
-    if not file.exists():
-        raise ScanError(f"{file}: there is no such file; check the path.")
+    check_file(file, ScanError, "scan file")
     if extension not in SCAN_EXTENSIONS:
         raise ScanError(f"{file}: unknown scan extension {extension!r}; convert it to {', '.join(SCAN_EXTENSIONS)}.")
-    try:
-        if not file.stat().st_size:
-            raise ScanError(f"{file}: the file is empty; save the scan again.")
-        # Rays without a hit are NaN by design in an organised cloud, so they say nothing about damage.
-        nan_is_normal = extension == ".pcd" and pcd_is_organised(file)
-        points = _thinned(_blocks(file, extension, max_points, seed), max_points, seed, str(file), nan_is_normal)
-    except OSError as error:
-        raise ScanError(f"{file}: it cannot be read ({error.strerror or error}); check the file.") from error
-    except MeshError as error:
-        raise ScanError(str(error)) from error
-    return check_points(points, str(file))
+    with reading(file, ScanError):
+        points = _thinned(_blocks(file, extension, max_points, seed), max_points, seed, str(file))
+        found = check_points(points, str(file))
+    _report_coarse_steps(found, str(file))
+    return found
 
 
 def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
@@ -94,13 +96,13 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
         (M, 3) float64.
 
     Raises:
-        ScanError: wrong shape, half or more not finite, fewer than 64 distinct points, or all on one line.
+        ScanError: wrong shape, fewer than 64 distinct finite points, or all on one line.
     """
     array = np.asarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ScanError(f"{name}: points must have shape (N, 3), not {array.shape}; give x, y, z rows.")
     finite = np.isfinite(array).all(axis=1)
-    _check_finite(int(finite.sum()), len(array), name)
+    _report_invalid(int(finite.sum()), len(array), name)
     array = array if finite.all() else array[finite]
     # Most scans pass on their first points; only suspicious ones need all of them compared.
     for some in (array[: 2 * MINIMUM_POINTS], array[:4096], array):
@@ -124,10 +126,30 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
     return array
 
 
-def _check_finite(finite: int, total: int, name: str) -> None:
-    if total and 2 * finite <= total:
+def _report_invalid(finite: int, total: int, name: str) -> None:
+    """Refuse points of which too few are finite; warn where more than half are not, as rays without a hit are."""
+    if finite == total:
+        return
+    if finite < MINIMUM_POINTS:
         raise ScanError(
             f"{name}: {total - finite} of {total} points are NaN or infinite; save the scan without invalid points."
+        )
+    if 2 * finite <= total:
+        warnings.warn(
+            f"{name}: {total - finite} of {total} points are NaN or infinite and were left out.", ScanWarning, 3
+        )
+
+
+def _report_coarse_steps(points: np.ndarray, name: str) -> None:
+    """Warn of points that were stored in single precision far from the origin, where its steps are large."""
+    step = single_precision_step(points)
+    extent = float((points.max(axis=0) - points.min(axis=0)).max())
+    if step > _COARSE_STEP * extent and np.array_equal(points, points.astype(np.float32)):
+        warnings.warn(
+            f"{name}: its points are stored in single precision, {step:.2g} apart at this distance from the origin, "
+            f"but the scan is {extent:.2g} large; export it nearer to its origin, or in double precision.",
+            ScanWarning,
+            3,
         )
 
 
@@ -135,7 +157,7 @@ def _blocks(file: Path, extension: str, max_points: int, seed: int) -> Iterable[
     if extension == ".ply":
         header = read_ply_header(file)
         if header.count("face", "tristrips") and header.count("vertex") <= _ALWAYS_DENSE:
-            return _mesh_blocks(read_geometry(file), max_points, seed)
+            return _mesh_blocks(read_geometry(file), str(file), max_points, seed)
         return ply_points(file, header)
     if extension == ".pcd":
         return pcd_points(file)
@@ -145,10 +167,10 @@ def _blocks(file: Path, extension: str, max_points: int, seed: int) -> Iterable[
         return npz_points(file)
     if extension in TEXT_EXTENSIONS:
         return text_points(file)
-    return _mesh_blocks(read_geometry(file), max_points, seed)
+    return _mesh_blocks(read_geometry(file), str(file), max_points, seed)
 
 
-def _thinned(blocks: Iterable[np.ndarray], count: int, seed: int, name: str, nan_is_normal: bool) -> np.ndarray:
+def _thinned(blocks: Iterable[np.ndarray], count: int, seed: int, name: str) -> np.ndarray:
     """At most ``count`` finite points of all blocks, each choice equally likely, in their order.
 
     Every point draws a random key and those with the smallest keys stay: one pass, and never more than about three
@@ -174,8 +196,7 @@ def _thinned(blocks: Iterable[np.ndarray], count: int, seed: int, name: str, nan
         if held > count + max(count, BLOCK_ROWS):
             points, key = _smallest(np.concatenate(kept), np.concatenate(keys), count)
             kept, keys, held, highest = [points], [key], count, float(key.max())
-    if not nan_is_normal:
-        _check_finite(finite, total, name)
+    _report_invalid(finite, total, name)
     return _smallest(np.concatenate(kept), np.concatenate(keys), count)[0]
 
 
@@ -186,7 +207,7 @@ def _smallest(points: np.ndarray, keys: np.ndarray, count: int) -> tuple[np.ndar
     return points[chosen], keys[chosen]
 
 
-def _mesh_blocks(geometry: Geometry, max_points: int, seed: int) -> Iterator[np.ndarray]:
+def _mesh_blocks(geometry: Geometry, name: str, max_points: int, seed: int) -> Iterator[np.ndarray]:
     vertices, faces = geometry.vertices, geometry.faces
     good = np.isfinite(vertices).all(axis=1)
     faces = faces[good[faces].all(axis=1)]
@@ -199,6 +220,7 @@ def _mesh_blocks(geometry: Geometry, max_points: int, seed: int) -> Iterator[np.
             box = corners.reshape(-1, 3)
             diagonal = float(np.linalg.norm(box.max(axis=0) - box.min(axis=0)))
         if 0 < areas.sum() < np.inf and not _is_dense(len(np.unique(faces)), areas, longest, diagonal):
+            _report_coarse_steps(vertices[good], name)
             yield _surface_samples(vertices, faces, areas, min(max_points, SURFACE_SAMPLES), seed)
             return
     for start in range(0, len(vertices), BLOCK_ROWS):

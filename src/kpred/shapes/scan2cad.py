@@ -23,6 +23,8 @@ from scipy.spatial.transform import Rotation
 from kpred.errors import MeshError, ScanError
 from kpred.shapes.atomic import atomic_path
 from kpred.shapes.categories import SYNSETS, category_of
+from kpred.shapes.reading import check_file, reading
+from kpred.shapes.text_lines import open_lines
 
 _SMALLEST_SCALE = 1e-6
 _MODEL_FILE = Path("models") / "model_normalized.obj"
@@ -150,6 +152,10 @@ def model_path(model: AlignedModel | BrokenModel, root: str | os.PathLike[str]) 
         MeshError: it is not there; the message names the object.
     """
     tried = [Path(root), Path(root) / "Assets" / "shapenet-sample"]
+    # Ids are names of folders; anything else would lead elsewhere.
+    names = (model.catid_cad, model.id_cad)
+    if any(len(name) > 200 or name in (".", "..") or set(name) & {"/", "\\", "\0"} for name in names):
+        raise MeshError(f"{model.name}: its ids are no names of folders; mend the annotation.")
     for folder in tried:
         file = folder / model.catid_cad / model.id_cad / _MODEL_FILE
         if file.is_file():
@@ -166,12 +172,12 @@ def read_json(file: Path) -> Any:
     Raises:
         ScanError: missing, unreadable or not JSON.
     """
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScanError(f"{file}: it cannot be read ({error.strerror or error}); check the path.") from error
-    except ValueError as error:
-        raise ScanError(f"{file}: it is not valid JSON (damaged or cut short); copy it again.") from error
+    check_file(file, ScanError, "JSON file")
+    with reading(file, ScanError), open_lines(file) as lines:
+        try:
+            return json.loads(b"".join(lines))
+        except ValueError as error:
+            raise ScanError(f"{file}: it is not valid JSON (damaged or cut short); copy it again.") from error
 
 
 def results(id_scan: str, alignments: Sequence[Alignment], scan_to_world: np.ndarray | None = None) -> dict[str, Any]:
@@ -275,6 +281,6 @@ def _matrix(trs: Any) -> tuple[np.ndarray, str]:
 def _vector(value: Any, size: int) -> np.ndarray | None:
     try:
         vector = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return vector if vector.shape == (size,) and np.isfinite(vector).all() else None

@@ -13,26 +13,19 @@ from kpred.errors import ScanError
 from kpred.shapes.lzf import decompress_lzf
 from kpred.shapes.records import BLOCK_ROWS, binary_records, text_records, truncated
 
+_KINDS = ("f2", "f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
+_MAX_COUNT = 65536
+"""Numbers of one field; descriptors have some hundred."""
 
-@dataclass
+
+@dataclass(frozen=True)
 class _Header:
     fields: list[str]
     kinds: list[str]  # numpy types, such as f4
     counts: list[int]
     points: int
-    organised: bool
     data: str
     lines: int
-
-
-def pcd_is_organised(path: Path) -> bool:
-    """Whether the cloud is a grid of rays (HEIGHT above 1), where NaN rows mean that nothing was hit.
-
-    Raises:
-        ScanError: the header is damaged.
-    """
-    with open(path, "rb") as stream:
-        return _read_header(stream, path).organised
 
 
 def pcd_points(path: Path) -> Iterator[np.ndarray]:
@@ -46,8 +39,10 @@ def pcd_points(path: Path) -> Iterator[np.ndarray]:
         if not {"x", "y", "z"} <= set(header.fields):
             raise ScanError(f"{path}: it has no fields x, y and z; export the scan with coordinates.")
         if header.data == "ascii":
-            starts = dict(zip(header.fields, np.cumsum([0, *header.counts]), strict=False))
-            columns = (int(starts["x"]), int(starts["y"]), int(starts["z"]))
+            if header.points > path.stat().st_size:  # A point takes at least one byte.
+                raise truncated(str(path), 0, header.points)
+            starts = [sum(header.counts[: header.fields.index(axis)]) for axis in "xyz"]
+            columns = (starts[0], starts[1], starts[2])
             found = 0
             for rows in text_records(stream, columns, str(path), header.lines + 1):
                 found += len(rows)
@@ -68,10 +63,11 @@ def pcd_points(path: Path) -> Iterator[np.ndarray]:
 
 
 def _compressed(stream: IO[bytes], header: _Header, path: Path) -> Iterator[np.ndarray]:
-    sizes = np.frombuffer(stream.read(8), dtype="<u4")
-    if len(sizes) < 2:
+    lengths = stream.read(8)
+    if len(lengths) < 8:
         raise truncated(str(path), 0, header.points)
-    packed = stream.read(int(sizes[0]))
+    sizes = np.frombuffer(lengths, dtype="<u4")
+    packed = stream.read(min(int(sizes[0]), path.stat().st_size))
     if len(packed) < sizes[0]:
         raise truncated(str(path), 0, header.points)
     widths = [int(kind[1:]) * count for kind, count in zip(header.kinds, header.counts, strict=True)]
@@ -87,7 +83,7 @@ def _compressed(stream: IO[bytes], header: _Header, path: Path) -> Iterator[np.n
     for axis in "xyz":
         at = header.fields.index(axis)
         values = np.frombuffer(data, f"<{header.kinds[at]}", header.points * header.counts[at], int(starts[at]))
-        columns.append(values.reshape(header.points, -1)[:, 0])
+        columns.append(values[:: header.counts[at]])
     for start in range(0, header.points, BLOCK_ROWS):
         yield np.stack([column[start : start + BLOCK_ROWS].astype(np.float64) for column in columns], axis=1)
 
@@ -109,9 +105,12 @@ def _read_header(stream: IO[bytes], path: Path) -> _Header:
         ]
         height = int(entries.get("HEIGHT", ["1"])[0])
         points = int(entries["POINTS"][0]) if "POINTS" in entries else int(entries["WIDTH"][0]) * height
-        np.dtype([(str(i), kind) for i, kind in enumerate(kinds)])
+        if not all(kind in _KINDS for kind in kinds):
+            raise ValueError("an unknown type of field")
         if not len(fields) == len(kinds) == len(counts) or points < 0:
             raise ValueError("lists of the header differ in length")
-        return _Header(fields, kinds, counts, points, height > 1, entries["DATA"][0].lower(), number)
+        if not all(0 < count <= _MAX_COUNT for count in counts) or not 0 <= points < 2**40:
+            raise ValueError("an impossible count")
+        return _Header(fields, kinds, counts, points, entries["DATA"][0].lower(), number)
     except (KeyError, IndexError, ValueError, TypeError) as error:
         raise ScanError(f"{path}: its PCD header is damaged or cut short; export the scan again.") from error

@@ -12,17 +12,22 @@ import numpy as np
 
 from kpred.errors import ConfigError, MeshError, ScanError
 from kpred.shapes.mesh_io import read_geometry
+from kpred.shapes.ply_elements import Columns
+from kpred.shapes.reading import check_file, reading
 from kpred.shapes.scan import MESH_SCAN_EXTENSIONS, TEXT_EXTENSIONS
 from kpred.shapes.scan_array import npy_points, npz_points
 from kpred.shapes.scan_pcd import pcd_points
 from kpred.shapes.scan_text import text_points
-from kpred.shapes.scene_ply import vertex_columns
+from kpred.shapes.scene_instances import (
+    INSTANCE_PROPERTIES,
+    LABEL_PROPERTIES,
+    column_numbers,
+    instances_of_faces,
+)
+from kpred.shapes.scene_ply import plain_columns, scene_elements, vertex_columns
 
 SCENE_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".npy", ".npz", *MESH_SCAN_EXTENSIONS)
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
-
-INSTANCE_PROPERTIES = ("instance", "instance_id", "instances", "object_id", "objectid")
-LABEL_PROPERTIES = ("label", "nyu40", "nyu40id")
 
 _POINT_READERS: dict[str, Callable[[Path], Iterable[np.ndarray]]] = {
     ".pcd": pcd_points,
@@ -78,37 +83,35 @@ def read_scene(
     extension = file.suffix.lower()
     if up is not None and up not in UP_AXES:
         raise ConfigError(f"The up axis must be one of {', '.join(UP_AXES)}, but is '{up}'.")
-    if file.is_dir() or not file.exists():
-        raise ScanError(f"{file}: there is no such scene file; check the path.")
+    check_file(file, ScanError, "scene file")
     if extension not in SCENE_EXTENSIONS:
         raise ScanError(f"{file}: unknown scene extension {extension!r}; convert it to {', '.join(SCENE_EXTENSIONS)}.")
-    columns: dict[str, np.ndarray] = {}
+    elements: dict[str, Columns] = {}
     faces = None
-    try:
+    with reading(file, ScanError):
         if extension == ".ply":
-            columns = {name.lower(): column for name, column in vertex_columns(file).items()}
+            elements = scene_elements(file)
+            columns = plain_columns(elements["vertex"])
             points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
-            faces = _faces(file, len(points))
+            faces = _faces(file, len(points)) if elements.get("face") else None
         elif extension in MESH_SCAN_EXTENSIONS:
             geometry = read_geometry(file)
             points, faces = geometry.vertices, geometry.faces if len(geometry.faces) else None
         else:
             points = np.concatenate([np.zeros((0, 3)), *_POINT_READERS[extension](file)])
-    except OSError as error:
-        raise ScanError(f"{file}: it cannot be read ({error.strerror or error}); check the file.") from error
-    except MeshError as error:
-        raise ScanError(str(error)) from error
+    vertices = elements.get("vertex", {})
+    instances = column_numbers(vertices, INSTANCE_PROPERTIES)
     if not np.isfinite(points).all(axis=1).any():
         raise ScanError(f"{file}: it has no point with finite coordinates; give the scan of a scene.")
     return Scene(
         points=points,
-        labels=_labels(file, len(points), columns, None if labels is None else Path(labels)),
-        colors=_colors(columns),
+        labels=_labels(file, len(points), vertices, None if labels is None else Path(labels)),
+        colors=_colors(plain_columns(vertices)),
         faces=faces,
         up=up or ("y" if extension in (".glb", ".gltf") else "z"),
         name=scene_name(file),
         path=file,
-        instances=_integers(columns, INSTANCE_PROPERTIES),
+        instances=instances if instances is not None else instances_of_faces(elements.get("face", {}), len(points)),
     )
 
 
@@ -120,10 +123,6 @@ def scene_name(path: Path) -> str:
 
 
 def _faces(file: Path, count: int) -> np.ndarray | None:
-    from kpred.shapes.scan_ply import read_ply_header
-
-    if not read_ply_header(file).count("face"):
-        return None
     try:
         geometry = read_geometry(file)
     except MeshError:  # The points are what matters; faces only make the picture finer.
@@ -136,26 +135,20 @@ def _colors(columns: dict[str, np.ndarray]) -> np.ndarray | None:
         if all(name in columns for name in names):
             rgb = np.stack([columns[name] for name in names], axis=1)
             # Colours are 0 to 255, or 0 to 1 in files that store them as floats.
-            scaled = rgb * 255.0 if rgb.dtype.kind == "f" and rgb.max() <= 1.0 else rgb
+            scaled = rgb * 255.0 if rgb.dtype.kind == "f" and rgb.max(initial=0) <= 1.0 else rgb
             return np.clip(np.nan_to_num(scaled), 0, 255).astype(np.uint8)
     return None
 
 
-def _integers(columns: dict[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray | None:
-    for name in names:
-        if name in columns:
-            return np.nan_to_num(columns[name], nan=-1).astype(np.int64)
-    return None
-
-
-def _labels(file: Path, count: int, columns: dict[str, np.ndarray], named: Path | None) -> np.ndarray | None:
-    own = _integers(columns, LABEL_PROPERTIES)
+def _labels(file: Path, count: int, columns: Columns, named: Path | None) -> np.ndarray | None:
+    own = column_numbers(columns, LABEL_PROPERTIES)
     beside = file.with_name(f"{file.stem}.labels.ply")
     if named is None and (own is not None or file.suffix.lower() != ".ply" or not beside.is_file()):
         return own
     source = named or beside
     try:
-        found = _integers({name.lower(): column for name, column in vertex_columns(source).items()}, LABEL_PROPERTIES)
+        with reading(source, ScanError):
+            found = column_numbers({**vertex_columns(source)}, LABEL_PROPERTIES)
         if found is None:
             raise ScanError(f"{source}: its vertices have no label property; give labels by NYU40 numbers.")
         if len(found) != count:

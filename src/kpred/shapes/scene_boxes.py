@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from kpred.errors import MeshError
 from kpred.shapes.categories import NYU40, STRUCTURE, nyu40_numbers
@@ -22,10 +23,13 @@ def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarr
     """(N,) which of the points (N, 3) lie in a box, or a clause that says what is wrong with the box.
 
     A box is `center` (3,), `size` (3,), full lengths along x, y and z before it is turned, and `yaw`, radians about the
-    up axis (0 when left out); or `corners`, two opposite ones as (2, 3) or (3, 2); or `min` and `max`. It stands in the
-    scene's frame and units.
+    up axis (0 when left out), or instead of it `axes`, (3, 3) with the directions of its sides in rows; or `corners`,
+    two opposite ones as (2, 3) or (3, 2); or `min` and `max`. It stands in the scene's frame and units.
     """
+    axes: np.ndarray | None = None
     try:
+        if "axes" in box:
+            axes = np.asarray(box["axes"], dtype=np.float64).reshape(3, 3)
         if "center" in box:
             center = np.asarray(box["center"], dtype=np.float64)
             size = np.asarray(box["size"], dtype=np.float64)
@@ -36,7 +40,7 @@ def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarr
             if corners.shape != (2, 3):
                 return "it is neither center, size and yaw nor two corners"
             center, size, yaw = corners.mean(axis=0), np.abs(corners[1] - corners[0]), 0.0
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return "it is neither center, size and yaw nor two corners"
     if center.shape != (3,) or size.shape != (3,):
         return "its center and size are not three numbers each"
@@ -44,9 +48,46 @@ def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarr
         return "it holds NaN or infinite numbers"
     if (size <= 0).any():
         return f"its size {size.tolist()} is not positive"
-    local = (points - center) @ _turn(up, yaw)
+    if axes is not None and not np.allclose(axes @ axes.T, np.eye(3), atol=1e-2):
+        return "its axes are not three directions at right angles"
+    with np.errstate(over="ignore", invalid="ignore"):
+        local = (points - center) @ (_turn(up, yaw) if axes is None else axes.T)
     inside: np.ndarray = (np.abs(local) <= size / 2 + 1e-9).all(axis=1)
     return inside
+
+
+def arkit_boxes(entries: Sequence[Any]) -> list[dict[str, Any]]:
+    """Boxes as `box_members` reads them, of the `data` of an ARKitScenes annotation; broken ones have no center."""
+    boxes = []
+    for entry in entries:
+        item = entry if isinstance(entry, dict) else {}
+        held = item.get("segments")
+        segments: dict[str, Any] = held if isinstance(held, dict) else {}
+        found_box = next((segments[key] for key in ("obbAligned", "obb") if isinstance(segments.get(key), dict)), None)
+        box: dict[str, Any] = found_box or {}
+        found = {"center": box.get("centroid"), "size": box.get("axesLengths"), "axes": box.get("normalizedAxes")}
+        boxes.append({"label": item.get("label"), **{key: value for key, value in found.items() if value is not None}})
+    return boxes
+
+
+def labelcloud_box(item: Mapping[str, Any]) -> dict[str, Any] | None:
+    """A box as `box_members` reads it, of an object of labelCloud (z up, rotations in degrees); None if it is none."""
+    parts = [item.get(key) for key in ("centroid", "dimensions", "rotations")]
+    if not all(isinstance(part, dict) for part in parts):
+        return None
+    (centroid, sides, rotations) = (part for part in parts if isinstance(part, dict))
+    try:
+        angles = [float(rotations[axis]) for axis in "xyz"]
+        rotation = Rotation.from_euler("XYZ", angles, degrees=True).as_matrix()
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return {"label": item.get("name")}
+    size = [sides.get(key) for key in ("length", "width", "height")]
+    return {
+        "label": item.get("name"),
+        "center": [centroid.get(axis) for axis in "xyz"],
+        "size": size,
+        "axes": rotation.T,
+    }
 
 
 def annotated_members(scene: Scene, models: Sequence[AlignedModel]) -> list[np.ndarray | str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,13 @@ from scipy.spatial import cKDTree
 
 from kpred.errors import ScanError
 from kpred.shapes.categories import NYU40, STRUCTURE, category_of
-from kpred.shapes.scan import TEXT_EXTENSIONS
+from kpred.shapes.reading import reading
 from kpred.shapes.scan2cad import AlignedModel, SceneAnnotation, read_json
 from kpred.shapes.scan_text import text_points
-from kpred.shapes.scene import INSTANCE_PROPERTIES, LABEL_PROPERTIES, Scene
-from kpred.shapes.scene_boxes import annotated_members, box_members
-from kpred.shapes.scene_ply import vertex_columns
+from kpred.shapes.scene import Scene
+from kpred.shapes.scene_boxes import annotated_members, arkit_boxes, box_members, labelcloud_box
+from kpred.shapes.scene_instances import instance_numbers
+from kpred.shapes.scene_segments import segment_numbers
 
 _SAME_PLACE = 1e-4
 _CLASS_STEP = 1000
@@ -56,13 +56,15 @@ def objects_of(scene: Scene, file: str | os.PathLike[str] | None = None) -> list
     - instance numbers of all points: .npy, .npz (array `instances`, `instance` or `labels`, or the only one), .txt, or
       a .ply with a property such as `instance`. Negative numbers are no object; neither is 0 where none is negative.
       Categories come from the scene's NYU40 labels by majority, or from numbers of the form class * 1000 + instance;
-    - ScanNet's `*.aggregation.json` (its `*.segs.json` beside it or beside the scene);
+    - the `segGroups` of ScanNet's `*.aggregation.json`, of ScanNet++'s `segments_anno.json` or of 3RScan, with their
+      segments (`*.segs.json`, `segments.json`) beside them or beside the scene;
+    - ARKitScenes' `*_3dod_annotation.json`: its oriented boxes; Replica's `info_semantic.json`: names of instances;
     - Scan2CAD's `full_annotations.json`: the points in and around the placed CAD model's box that are, where the scene
       has labels, of its class;
     - boxes: a JSON list of objects with `center`, `size` and `yaw` (radians about the up axis), or with `corners` (two
       opposite ones), and `name` and `category` where known; points labelled wall, floor or ceiling are left out;
     - S3DIS's `Annotations` folder with one .txt of points an object.
-    None takes the instance numbers in the scene's own PLY.
+    None takes the instance numbers in the scene's own PLY, of its vertices or of its faces (Replica).
 
     What is wrong with one object (no points, a broken transform) is told in its `problem`; the others are not touched.
 
@@ -75,17 +77,22 @@ def objects_of(scene: Scene, file: str | os.PathLike[str] | None = None) -> list
         if scene.instances is None:
             raise ScanError(f"{scene.path or scene.name}: its points have no instance numbers; give a file of objects.")
         objects = _from_instances(scene, scene.instances)
-    elif not source.exists():
-        raise ScanError(f"{source}: there is no such file of objects; check the path.")
-    elif source.is_dir():
-        objects = _from_folder(scene, source)
-    elif source.suffix.lower() == ".json":
-        objects = _from_json(scene, source)
     else:
-        objects = _from_instances(scene, _instance_numbers(source, len(scene.points)))
+        with reading(source, ScanError, "file of objects"):
+            objects = _from_file(scene, source)
     if not objects:
         raise ScanError(f"{source or scene.path or scene.name}: it has no objects; nothing can be fitted.")
     return _uniquely_named(objects)
+
+
+def _from_file(scene: Scene, source: Path) -> list[SceneObject]:
+    if source.is_dir():
+        return _from_folder(scene, source)
+    if not source.exists():
+        raise ScanError(f"{source}: there is no such file of objects; check the path.")
+    if source.suffix.lower() == ".json":
+        return _from_json(scene, source)
+    return _from_instances(scene, instance_numbers(source, len(scene.points)))
 
 
 def _object(
@@ -113,43 +120,6 @@ def _uniquely_named(objects: list[SceneObject]) -> list[SceneObject]:
         taken.add(name)
         result.append(item if name == item.name else SceneObject(**{**item.__dict__, "name": name}))
     return result
-
-
-def _instance_numbers(file: Path, count: int) -> np.ndarray:
-    try:
-        numbers = _raw_numbers(file)
-    except OSError as error:
-        raise ScanError(f"{file}: it cannot be read ({error.strerror or error}); check the file.") from error
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ScanError(f"{file}: it holds no instance numbers; give one whole number a point.") from error
-    flat = np.asarray(numbers).reshape(-1)
-    if flat.dtype.kind == "f":
-        flat = np.nan_to_num(flat, nan=-1)
-        if (flat != np.round(flat)).any():
-            raise ScanError(f"{file}: its numbers are not whole; give one instance number a point.")
-    elif flat.dtype.kind not in "iub":
-        raise ScanError(f"{file}: it holds {flat.dtype}, not numbers; give one instance number a point.")
-    if len(flat) != count:
-        raise ScanError(f"{file}: it labels {len(flat)} points, but the scene has {count}; give labels of that scene.")
-    return flat.astype(np.int64)
-
-
-def _raw_numbers(file: Path) -> np.ndarray:
-    extension = file.suffix.lower()
-    if extension == ".npy":
-        return np.asarray(np.load(file, allow_pickle=False))
-    if extension == ".npz":
-        with np.load(file, allow_pickle=False) as arrays:
-            names = list(arrays)
-            known = [name for name in ("instances", "instance", "labels") if name in names]
-            return np.asarray(arrays[known[0] if known else names[0] if len(names) == 1 else "instances"])
-    if extension == ".ply":
-        columns = {name.lower(): column for name, column in vertex_columns(file).items()}
-        found = [name for name in (*INSTANCE_PROPERTIES, *LABEL_PROPERTIES) if name in columns]
-        return columns[found[0] if found else INSTANCE_PROPERTIES[0]]
-    if extension in TEXT_EXTENSIONS or extension == ".labels":
-        return np.loadtxt(file, dtype=np.float64, ndmin=1)
-    raise ScanError(f"{file}: objects are given as .npy, .npz, .txt, .ply or .json; unknown extension {extension!r}.")
 
 
 def _from_instances(scene: Scene, numbers: np.ndarray) -> list[SceneObject]:
@@ -180,11 +150,32 @@ def _from_json(scene: Scene, file: Path) -> list[SceneObject]:
     first = content[0] if isinstance(content, list) and content else content
     if isinstance(first, dict) and "aligned_models" in first:
         return _from_annotation(scene, file)
+    if isinstance(content, dict) and isinstance(content.get("data"), list):
+        return _from_boxes(scene, file, arkit_boxes(content["data"]))
     if isinstance(content, dict):
         content = next((content[key] for key in ("objects", "boxes", "bboxes") if key in content), None)
+    if scene.instances is not None and isinstance(content, list) and _names_instances(content):
+        return _from_names(scene, scene.instances, content)
     if not isinstance(content, list):
         raise ScanError(f"{file}: it holds no objects; give boxes, a ScanNet aggregation or a Scan2CAD annotation.")
     return _from_boxes(scene, file, content)
+
+
+def _names_instances(entries: list[Any]) -> bool:
+    """Whether these are names of instances, as in Replica's info_semantic.json."""
+    return bool(entries) and all(
+        isinstance(entry, dict) and "id" in entry and "class_name" in entry for entry in entries
+    )
+
+
+def _from_names(scene: Scene, numbers: np.ndarray, entries: list[dict[str, Any]]) -> list[SceneObject]:
+    objects = []
+    for entry in entries:
+        label, number = str(entry["class_name"]), entry["id"]
+        category = category_of(label) if label.strip() else None
+        members = numbers == number if isinstance(number, int) else np.zeros(len(numbers), dtype=bool)
+        objects.append(_object(scene, f"{category or 'object'}_{number}", category, members, None, "has its number"))
+    return objects
 
 
 def _from_boxes(scene: Scene, file: Path, boxes: Sequence[Any]) -> list[SceneObject]:
@@ -192,7 +183,7 @@ def _from_boxes(scene: Scene, file: Path, boxes: Sequence[Any]) -> list[SceneObj
     apart = np.zeros(len(scene.points), bool) if scene.labels is None else np.isin(scene.labels, structure)
     objects = []
     for number, item in enumerate(boxes):
-        box = item if isinstance(item, dict) else {"corners": item}
+        box = (labelcloud_box(item) or item) if isinstance(item, dict) else {"corners": item}
         label = box.get("category", box.get("label"))
         category = category_of(label) if isinstance(label, str) and label.strip() else None
         name = str(box.get("name") or f"{category or 'object'}_{number}")
@@ -205,7 +196,7 @@ def _from_boxes(scene: Scene, file: Path, boxes: Sequence[Any]) -> list[SceneObj
 
 
 def _from_segments(scene: Scene, file: Path, content: Mapping[str, Any]) -> list[SceneObject]:
-    segments = _segment_numbers(scene, file, str(content.get("segmentsFile", "")))
+    segments = segment_numbers(scene, file, str(content.get("segmentsFile", "")))
     objects = []
     groups = content["segGroups"] if isinstance(content["segGroups"], list) else []
     for number, group in enumerate(groups):
@@ -213,31 +204,11 @@ def _from_segments(scene: Scene, file: Path, content: Mapping[str, Any]) -> list
         category = category_of(label) if label else None
         name = f"{category or 'object'}_{group.get('objectId', number) if isinstance(group, dict) else number}"
         wanted = group.get("segments") if isinstance(group, dict) else None
-        if not isinstance(wanted, list) or not all(isinstance(value, int) for value in wanted):
+        if not isinstance(wanted, list) or not all(isinstance(value, int) and abs(value) < 2**62 for value in wanted):
             objects.append(_broken(scene, name, category, f"{file}: {name} has no list of segments."))
         else:
             objects.append(_object(scene, name, category, np.isin(segments, wanted), None, "is in its segments"))
     return objects
-
-
-def _segment_numbers(scene: Scene, file: Path, named: str) -> np.ndarray:
-    folders = [file.parent] + ([scene.path.parent] if scene.path is not None else [])
-    candidates = [folder / name for folder in folders for name in (named, named.removeprefix("scannet.")) if name]
-    candidates += [found for folder in folders for found in sorted(folder.glob(f"{scene.name}*.segs.json"))]
-    source = next((candidate for candidate in candidates if candidate.is_file()), None)
-    if source is None:
-        raise ScanError(f"{file}: its segments ({named or '*.segs.json'}) are not beside it; put them there.")
-    content = read_json(source)
-    try:
-        numbers = np.asarray(content["segIndices"], dtype=np.int64)
-    except (TypeError, KeyError, ValueError):
-        raise ScanError(f"{source}: it has no segIndices; give ScanNet's .segs.json.") from None
-    if numbers.shape != (len(scene.points),):
-        raise ScanError(
-            f"{source}: it has segments of {numbers.size} points, but the scene has {len(scene.points)}; "
-            "give those of that scene."
-        )
-    return numbers
 
 
 def _from_annotation(scene: Scene, file: Path) -> list[SceneObject]:
@@ -272,14 +243,15 @@ def annotation_of(scene: Scene, file: str | os.PathLike[str]) -> SceneAnnotation
 
 
 def _from_folder(scene: Scene, folder: Path) -> list[SceneObject]:
-    files = sorted(file for file in folder.glob("*.txt") if not file.name.startswith("."))
+    files = sorted(file for file in folder.glob("*.txt") if not file.name.startswith(".") and file.is_file())
     finite = np.flatnonzero(np.isfinite(scene.points).all(axis=1))
     tree = cKDTree(scene.points[finite])
     objects = []
     for file in files:
         category = category_of(file.stem.rpartition("_")[0] or file.stem)
         try:
-            points = np.concatenate([np.zeros((0, 3)), *text_points(file)])
+            with reading(file, ScanError):
+                points = np.concatenate([np.zeros((0, 3)), *text_points(file)])
         except ScanError as error:
             objects.append(_broken(scene, file.stem, category, str(error)))
             continue

@@ -1,0 +1,46 @@
+"""What may be wrong with the CAD models of a build although they can be read: their up axis, parts that are none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from kpred.database.orientation_check import OrientationCheck, up_rotation
+from kpred.nn import Recognizer
+from kpred.shapes.helper_parts import helper_part
+from kpred.shapes.mesh import Mesh
+from kpred.shapes.source import Shape
+
+_MOST_NAMED = 10
+
+
+class ModelCheck:
+    """Looks at shapes on their way into a database, and collects sentences about them."""
+
+    def __init__(self, recognizer: Recognizer | None, up: str = "y") -> None:
+        """`recognizer`: without one the up axis is not checked; `up`: the shapes' axis that becomes y."""
+        self._orientation = None if recognizer is None else OrientationCheck(recognizer)
+        self._rotation = up_rotation(up).astype(np.float32)
+        self._helpers: list[str] = []
+
+    def watch(self, shapes: Iterable[Shape]) -> Iterator[Shape]:
+        """Yield the shapes, rotated so that their up axis is y."""
+        for shape in shapes:
+            mesh = shape.mesh
+            if not np.array_equal(self._rotation, np.eye(3)):
+                mesh = Mesh(mesh.vertices @ self._rotation.T, mesh.faces, mesh.name, mesh.face_parts)
+            if self._orientation is not None:
+                self._orientation.observe(mesh, shape.model_id, shape.category)
+            problem = helper_part(mesh)
+            if problem is not None:
+                self._helpers.append(f"{shape.model_id}: {problem}")
+            yield shape._replace(mesh=mesh)
+
+    def warnings(self) -> list[str]:
+        """Sentences about all shapes so far; of many with parts that are none, some are named."""
+        sentences = [f"{item}; remove it from the mesh if so." for item in self._helpers[:_MOST_NAMED]]
+        if len(self._helpers) > _MOST_NAMED:
+            sentences.append(f"{len(self._helpers) - _MOST_NAMED} more models seem to hold parts of other things.")
+        axis = None if self._orientation is None else self._orientation.warning()
+        return ([] if axis is None else [axis]) + sentences

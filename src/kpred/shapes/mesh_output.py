@@ -1,0 +1,136 @@
+"""Writing meshes, whole or not at all, in the precision that their place needs: .obj .ply .stl .off .glb."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kpred.errors import OutputError
+from kpred.shapes.atomic import atomic_path
+from kpred.shapes.mesh import Mesh, clean_mesh
+from kpred.shapes.obj import obj_lines
+from kpred.shapes.off import off_lines
+from kpred.shapes.precision import needs_double
+
+if TYPE_CHECKING:
+    import trimesh
+
+OUTPUT_EXTENSIONS = (".obj", ".ply", ".stl", ".off", ".glb")
+
+_TOLERANCE = 1e-4
+"""Part of a mesh's extent by which rounding may move its vertices."""
+
+
+def check_precision(path: str | os.PathLike[str], points: np.ndarray) -> None:
+    """Refuse a format that cannot hold a mesh at the place of these points (N, 3).
+
+    Raises:
+        OutputError: STL, whose numbers are float32, and points too far from the origin for their extent.
+    """
+    if Path(path).suffix.lower() == ".stl" and needs_double(np.asarray(points, dtype=np.float64), _TOLERANCE):
+        raise OutputError(
+            f"Cannot write {path}: this far from the origin the numbers of .stl are too coarse; use .ply, .obj or .glb."
+        )
+
+
+def write_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trimesh.Scene) -> None:
+    """Write a mesh, whole or not at all, in the format of the extension: .obj .ply .stl .off .glb.
+
+    Parts are kept in .obj (as objects) and .glb (as nodes); the other formats hold one surface. Far from the origin
+    .ply holds doubles, and .glb the place as a translation of its nodes.
+
+    Raises:
+        OutputError: unknown extension, folder missing or not writable, disk full, a mesh that is not finite, or a
+            format that cannot hold it.
+    """
+    file = Path(path)
+    extension = file.suffix.lower()
+    if extension not in OUTPUT_EXTENSIONS:
+        raise OutputError(
+            f"Cannot write {file}: unknown extension {extension!r}; use one of {', '.join(OUTPUT_EXTENSIONS)}."
+        )
+    geometry = mesh if isinstance(mesh, Mesh) else _joined(mesh)
+    vertices = geometry.vertices
+    if not np.isfinite(vertices).all():
+        raise OutputError(f"Cannot write {file}: the mesh has vertices that are NaN or infinite; fit it again.")
+    check_precision(file, vertices)
+    with atomic_path(file) as temporary:
+        if extension in (".obj", ".off"):
+            parts = geometry.face_parts if isinstance(geometry, Mesh) else None
+            digits = _digits(vertices)
+            lines = (
+                obj_lines(vertices, geometry.faces, parts, digits)
+                if extension == ".obj"
+                else off_lines(vertices, geometry.faces, digits)
+            )
+            with open(temporary, "x", encoding="ascii", newline="\n") as stream:
+                stream.writelines(lines)
+            return
+        try:
+            data = _export(mesh, geometry, extension.removeprefix("."))
+        except Exception as error:
+            raise OutputError(f"Cannot write {file}: the mesh cannot be held by {extension}; use .ply.") from error
+        with open(temporary, "xb") as binary:
+            binary.write(data)
+
+
+def _joined(mesh: trimesh.Trimesh | trimesh.Scene) -> trimesh.Trimesh:
+    import trimesh
+
+    return mesh.to_geometry() if isinstance(mesh, trimesh.Scene) else mesh
+
+
+def _digits(vertices: np.ndarray) -> int:
+    """Digits that give the coordinates back: exactly those of float32, and far from the origin those of float64."""
+    return 17 if vertices.dtype == np.float64 and needs_double(vertices, 1e-6) else 9
+
+
+def _export(mesh: Mesh | trimesh.Trimesh | trimesh.Scene, geometry: Mesh | trimesh.Trimesh, kind: str) -> bytes:
+    import trimesh
+
+    if kind == "ply":
+        return _ply(np.asarray(geometry.vertices), np.asarray(geometry.faces))
+    exported: Any = geometry
+    if kind == "glb":
+        exported = mesh if isinstance(mesh, trimesh.Scene) else _glb_scene(geometry)
+    elif isinstance(geometry, Mesh):
+        exported = trimesh.Trimesh(geometry.vertices, geometry.faces, process=False)
+    data = exported.export(file_type=kind)
+    return data.encode() if isinstance(data, str) else bytes(data)
+
+
+def _ply(vertices: np.ndarray, faces: np.ndarray) -> bytes:
+    """A binary PLY file; coordinates are doubles where float32 would move them."""
+    double = vertices.dtype == np.float64 and needs_double(vertices, _TOLERANCE)
+    kind = "double" if double else "float"
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+    header += "".join(f"property {kind} {axis}\n" for axis in "xyz")
+    header += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    records = np.empty(len(faces), dtype=[("length", "u1"), ("corners", "<i4", 3)])
+    records["length"], records["corners"] = 3, faces
+    return header.encode() + vertices.astype("<f8" if double else "<f4").tobytes() + records.tobytes()
+
+
+def _glb_scene(mesh: Mesh | trimesh.Trimesh) -> trimesh.Scene:
+    """A node a part; far from the origin the vertices are near it and the nodes are moved."""
+    import trimesh
+
+    vertices = np.asarray(mesh.vertices)
+    place = np.eye(4)
+    if vertices.dtype == np.float64 and needs_double(vertices, _TOLERANCE):
+        place[:3, 3] = np.round((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
+    parts = mesh.face_parts if isinstance(mesh, Mesh) else None
+    scene = trimesh.Scene()
+    if parts is None:
+        moved = trimesh.Trimesh(vertices - place[:3, 3], mesh.faces, process=False)
+        scene.add_geometry(moved, node_name="mesh", geom_name="mesh", transform=place)
+        return scene
+    for part in np.unique(parts):
+        piece = clean_mesh(Mesh(vertices - place[:3, 3], mesh.faces[parts == part]))
+        name = f"part_{part:05d}"
+        surface = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
+        scene.add_geometry(surface, node_name=name, geom_name=name, transform=place)
+    return scene

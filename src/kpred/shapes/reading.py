@@ -1,0 +1,67 @@
+"""What every reader has in common: checks before a file is opened, and one sentence for whatever goes wrong inside."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from kpred.errors import KpredError
+
+
+@contextmanager
+def reading(path: str | os.PathLike[str], error_type: type[KpredError], kind: str = "") -> Iterator[None]:
+    """Convert every exception of a parser to one `error_type` that names the file.
+
+    Errors of the package pass as they are if they are of `error_type`, else with the same sentence. The bytes of a file
+    are foreign, so that a parser may fail in any way; what failed stays in `__cause__`.
+
+    Args:
+        path: the file that is read.
+        kind: what the file should be, for the sentence; without it, its extension.
+    """
+    what = kind or f"{Path(path).suffix.lower() or 'text'} file"
+    try:
+        yield
+    except error_type:
+        raise
+    except KpredError as error:
+        raise error_type(str(error)) from error
+    except OSError as error:
+        reason = error.strerror or str(error) or type(error).__name__
+        raise error_type(f"{path}: it cannot be read ({reason}); check the file and those it refers to.") from error
+    except MemoryError as error:
+        raise error_type(f"{path}: it needs more memory than there is; give a smaller file.") from error
+    except RecursionError as error:
+        raise error_type(f"{path}: it is nested too deeply to be a {what}; export it again.") from error
+    except Exception as error:
+        raise error_type(f"{path}: it is not a readable {what} ({_reason(error)}); export it again.") from error
+
+
+def check_file(path: Path, error_type: type[KpredError], kind: str = "file") -> None:
+    """Refuse a path that is missing, a folder, empty, or no regular file (a pipe would block for ever).
+
+    Raises:
+        KpredError: of `error_type`.
+    """
+    try:
+        status = path.stat()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise error_type(f"{path}: there is no such file; check the path.") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise error_type(f"{str(path)[:200]!r}: it cannot be read ({reason}); check the path.") from error
+    if stat.S_ISDIR(status.st_mode):
+        raise error_type(f"{path}: it is a folder; give one {kind}.")
+    if not stat.S_ISREG(status.st_mode):
+        raise error_type(f"{path}: it is a pipe or a device; save the {kind} as a regular file.")
+    if not status.st_size:
+        raise error_type(f"{path}: the file is empty; save or export it again.")
+
+
+def _reason(error: Exception) -> str:
+    """The first line of an error's text, short enough for a sentence."""
+    lines = str(error).splitlines()
+    return (lines[0] if lines else type(error).__name__)[:120]

@@ -1,0 +1,81 @@
+"""Passwords in addresses of databases: no command prints them, whatever goes wrong."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from kpred.cli.main import FAILED, main
+
+ADDRESSES = [
+    "postgresql://me:hunter2@127.0.0.1:1/models",
+    "postgresql://127.0.0.1:1/models?user=me&password=hunter2",
+    "postgresql://me:hunter2@127.0.0.1:port/models",
+    "postgresql+nodriver://me:hunter2@127.0.0.1:1/models",
+]
+
+
+WORDS = [
+    ["build", "PACK", "-o", "ADDRESS"],
+    ["remove", "ADDRESS", "chair_1"],
+    ["info", "ADDRESS"],
+    ["copy", "ADDRESS", "NEW"],
+    ["search", "ADDRESS", "SCAN"],
+]
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [(ADDRESSES[0], words) for words in WORDS] + [(address, WORDS[2]) for address in ADDRESSES[1:]],
+)
+def test_no_command_prints_a_password(
+    address: str, words: list[str], files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = {
+        "ADDRESS": address,
+        "PACK": str(files / "table.npz"),
+        "NEW": str(tmp_path / "new.kpred"),
+        "SCAN": str(files / "scan.ply"),
+    }
+    more = ["--model", str(files / "model")] if words[0] in ("build", "search") else []
+    assert main(["database", *(names.get(word, word) for word in words), *more, "--json"]) == FAILED
+    printed = capsys.readouterr()
+    assert "hunter2" not in printed.out + printed.err
+    assert "postgresql" in printed.err
+
+
+def test_a_batch_stores_no_password_and_goes_on_with_another(tmp_path: Path) -> None:
+    from kpred.batch.ledger import Ledger
+    from kpred.batch.worker import BatchSettings
+
+    def job(word: str) -> dict[str, object]:
+        return {"source": "scans", **BatchSettings(database=f"postgresql://me:{word}@host/db").to_dict()}
+
+    with Ledger(tmp_path / "out", job("hunter2")):
+        assert "hunter2" not in (tmp_path / "out" / "job.json").read_text()
+    with Ledger(tmp_path / "out", job("rotated")):
+        pass
+    # What an earlier version stored is cleared, and is the same batch.
+    old = job("x") | {"database": "postgresql://me:hunter2@host/db"}
+    (tmp_path / "out" / "job.json").write_text(json.dumps(old))
+    with Ledger(tmp_path / "out", job("rotated")):
+        assert "hunter2" not in (tmp_path / "out" / "job.json").read_text()
+
+
+def test_fit_many_names_what_it_left_out_and_fails_when_nothing_was_fitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], refusal: Callable[..., str]
+) -> None:
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    (scans / "few.xyz").write_text("0 0 0\n1 1 1\n")
+    for name in ("b.las", "c.e57", "d.usdz", ".hidden.las"):
+        (scans / name).write_text("stub")
+    assert main(["fit-many", str(scans), "-o", str(tmp_path / "out"), "--workers", "1", "--json"]) == FAILED
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["left_out"] == {".e57": 1, ".las": 1, ".usdz": 1}
+    assert "left out: 3 files of kinds that are not read (1 .e57, 1 .las, 1 .usdz)" in printed.err
+    assert "none of its 1 scans could be fitted" in printed.err
+    (scans / "few.xyz").unlink()
+    said = refusal("fit-many", scans, "-o", tmp_path / "other", "--workers", "1")
+    assert "there are no scans in it (it holds 1 .e57, 1 .las, 1 .usdz)" in said
