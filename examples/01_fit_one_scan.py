@@ -28,6 +28,10 @@ for metric in fit.metrics:
     print(f"{metric.name}  {metric.value:.4g} {metric.unit}, frame: {metric.frame}")
 print(f"wrote      {folder / 'fitted.obj'} ({len(fit.mesh.vertices)} vertices, {len(fit.mesh.faces)} faces)")
 
-# How far each candidate is before and after its keypoints were refined:
-for candidate in fit.candidates[:3]:
-    print(f"  {candidate.model_id:<32} {candidate.error:.4f} -> {candidate.refined_error:.4f}")
+# How far the model was changed (none, scale, structure), and what it lost of its right angles:
+print(f"change     {fit.source.step}, right angles by {fit.cleanliness.squareness:.2f} degrees")
+
+# The best candidates: error of each after its change, and the score they are compared by (lower is better).
+for rank, candidate in enumerate(fit.candidates[:3]):
+    print(f"  {candidate.model_id:<32} {candidate.step:<10} {candidate.error:.4f} {candidate.score:.2f}")
+    fit.candidate(rank).export(folder / f"candidate_{rank}.obj")

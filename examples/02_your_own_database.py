@@ -21,8 +21,7 @@ meshes = folder / "my_tables"
 meshes.mkdir(parents=True, exist_ok=True)
 
 # 1. A folder of mesh files: sixteen tables.
-tables = generate("table", 17, seed=7, splits=False)
-for mesh in list(tables)[:16]:
+for mesh in generate("table", 16, seed=7, splits=False):
     kpred.write_mesh(meshes / f"{mesh.name}.obj", mesh)
 
 # 2. Its database. Points, keypoints, retrieval tokens and deformation bases are computed once for each mesh; a build
@@ -33,17 +32,19 @@ report = build_database(path, open_shapes(meshes, category="table"), model)
 print(f"{path}: {report.added} added, {report.skipped_present} already there, {len(report.failed)} left out")
 
 # 3. A scan: points on a table that is not among them, in centimetres and somewhere else in the room.
-wanted = tables[16]
+wanted = generate("table", 6, seed=8, splits=False)[5]
 points, _ = sample_surface(
     torch.from_numpy(wanted.vertices), torch.from_numpy(wanted.faces).long(), 4000, torch.Generator().manual_seed(0)
 )
 scan = points.numpy() * 100 + [250, 0, -80]
 
-# 4. The fit.
+# 4. The fit. deform="none" or "scale" would change the model less, and model_id="..." would take one that you name.
 with kpred.Database.open(path) as database:
     fit = kpred.fit(scan, model=model, database=database, category="table")
 result = folder / "my_table_fitted.glb"
 fit.mesh.export(result)
-print(f"retrieved {fit.source.model_id}; wrote {result}")
+print(f"retrieved {fit.source.model_id}, change: {fit.source.step}; wrote {result}")
+for sentence in fit.warnings:
+    print(f"look at this: {sentence}")
 print(f"box of the scan:   {scan.min(axis=0).round(1)} to {scan.max(axis=0).round(1)} cm")
 print(f"box of the result: {fit.mesh.bounds[0].round(1)} to {fit.mesh.bounds[1].round(1)} cm")

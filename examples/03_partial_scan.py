@@ -24,11 +24,12 @@ generator = torch.Generator().manual_seed(0)
 scan = depth_scan(vertices, faces, torch.tensor([1.2, 1.4, 1.6]), 4000, noise=0.003, generator=generator)
 np.savetxt(folder / "partial_scan.xyz", scan.numpy(), fmt="%.4f")
 
-# partial=True: networks for partial scans, retrieval weighted by how densely each keypoint's region was seen, and only
-# distances from the scan to the model count. Without it kpred finds out by itself whether parts are missing.
+# partial=True: networks for partial scans, and retrieval weighted by how densely each keypoint's region was seen. The
+# model's own surface counts as far as it was likely seen. Without it kpred finds out whether parts are missing.
 fit = kpred.fit(scan.numpy(), category="chair", partial=True)
 fit.mesh.export(folder / "partial_fitted.obj")
 
+print(f"seen of the result: {fit.seen:.0%}")
 # How dense the scan is around each keypoint, 0 (unseen) to 1:
 print("confidence of the keypoints:", fit.keypoint_confidence.round(2))
 print(f"retrieved {fit.source.model_id}; wrote {folder / 'partial_fitted.obj'}")

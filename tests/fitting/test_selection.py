@@ -26,6 +26,7 @@ def _deformed(
     seen: float,
     stopped: Sequence[int] = (),
     sensors: torch.Tensor | None = None,
+    tokens: Sequence[float] | None = None,
 ) -> Deformed:
     """Candidates with these surfaces and errors, the scores being their logarithms."""
     points = torch.stack(list(clouds))
@@ -33,7 +34,7 @@ def _deformed(
     candidates = Candidates(
         model_ids=tuple(f"model_{row}" for row in range(count)),
         category="table",
-        distances=np.arange(count, dtype=np.float32),
+        distances=np.ones(count) if tokens is None else np.array(tokens),
         points=points,
         basis=torch.zeros(count, points.shape[1], 12),
         displacement=torch.zeros(count, 12, 3),
@@ -81,6 +82,16 @@ def test_of_equal_candidates_of_a_partial_scan_one_that_others_bear_out_comes_fi
     assert sorted(found) == [0, 1, 2, 3]
     # The middle one is the nearest to both of the others.
     assert found[0] == 2
+
+
+def test_of_equal_candidates_of_a_partial_scan_one_with_nearer_tokens_comes_first() -> None:
+    errors = [0.01, 0.01, 0.01, 0.01]
+    for row in (1, 3):
+        tokens = [3.0 if other != row else 1.0 for other in range(4)]
+        assert rank_candidates(_deformed(_alike_and_odd(), errors, seen=0.5, tokens=tokens))[0] == row
+        # Of a whole scan all is known that tokens could say.
+        whole = _deformed(_alike_and_odd(), errors, seen=1.0, tokens=tokens)
+        assert rank_candidates(whole) == [0, 1, 2, 3]
 
 
 def test_a_far_lower_error_wins_over_agreement() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,3 +161,29 @@ def case(request: pytest.FixtureRequest, cases: dict[str, Case]) -> Case:
     """One piece of furniture."""
     found: Case = cases[request.param]
     return found
+
+
+@pytest.fixture(scope="session")
+def build() -> Callable[[Sequence[Part]], Case]:
+    """From labelled parts to a case."""
+    return made
+
+
+@pytest.fixture(scope="session")
+def of_mesh() -> Callable[..., Case]:
+    """From vertices and faces of any size to a case."""
+
+    def case(vertices: np.ndarray, faces: np.ndarray, count: int = 2048) -> Case:
+        return Case.of(in_unit_box(np.asarray(vertices, np.float64)), faces, count)
+
+    return case
+
+
+@pytest.fixture(scope="session")
+def real() -> dict[str, Case]:
+    """One decimated Infinigen shape of each category: curved, many parts, slivers."""
+    arrays = np.load(Path(__file__).resolve().parents[1] / "data" / "infinigen.npz")
+    return {
+        name: Case.of(in_unit_box(arrays[f"{name}_vertices"].astype(np.float64)), arrays[f"{name}_faces"].astype(int))
+        for name in ("chair", "table", "cabinet")
+    }

@@ -26,7 +26,7 @@ PLACED_POINTS = 384
 COMPARED_POINTS = 512
 """Points of the scan by which candidates are compared; the result's error is of all."""
 
-FINALISTS, FINALISTS_UNSEEN = 4, 6
+FINALISTS, FINALISTS_UNSEEN = 3, 6
 """Candidates that are deformed to the end, of whole scans and of those that lack something; others are estimates."""
 
 WHOLE = 0.95
@@ -199,17 +199,22 @@ class _Work:
         visible = self.visibility(moved + OUTSIDE * self.models[row].normals)
         off = np.square(moved - self.start[row])[::every].sum(axis=1)
         unseen = float((self.hidden[row][::every] * off).mean())
-        measured = replace(distances(self.goal, self.spacing, moved, visible, every), unseen=unseen)
+        measured = replace(distances(self.goal, (self.spacing, self._spacing(row, moved)), moved, visible, every), unseen=unseen)
         error = np.exp(measured.log_error()) + self._floor_error(row, moved)
         return Explanation(step, deformation, moved, measured, float(np.log(error)) + COSTS[step], placement)
 
     def _floor_error(self, row: int, moved: np.ndarray) -> float:
         """Charge a result that does not stand on the floor, where its height is known; unit box squared."""
-        feet = self.models[row].feet()
+        feet = self.models[row].feet
         if self.evidence.floor is None or not feet.any():
             return 0.0
         gap = abs(float(feet @ moved[:, 1]) - self.evidence.floor)
         return FLOOR_WEIGHT * max(gap - FLOOR_DOUBT, 0.0) ** 2
+
+    def _spacing(self, row: int, moved: np.ndarray) -> float:
+        """Spacing of a result's points: that of the model's, which grows with its box."""
+        extent, before = np.ptp(moved, axis=0), np.ptp(self.points[row], axis=0)
+        return self.models[row].spacing * float(extent @ extent) / max(float(before @ before), 1e-12)
 
     def _hidden(self, row: int) -> np.ndarray:
         """How surely each point of a model, where the keypoints put it, was not seen."""
@@ -222,9 +227,14 @@ class _Work:
         points = np.ascontiguousarray(self.points[row][::every])
         begun = points if not self.candidates.partial else self.start[row][::every]
         visible = self.visibility(begun + OUTSIDE * self.models[row].normals[::every])
-        options = {"free_yaw": False, "expected": begun}
-        one = fit_placement(points, Placement.identity(), self.few, visible, per_axis=False, **options)
-        return one, fit_placement(points, one, self.few, visible, per_axis=True, **options)
+        placed = Placement.identity()
+        found = []
+        for per_axis in (False, True):
+            placed = fit_placement(
+                points, placed, self.few, visible, per_axis=per_axis, free_yaw=False, expected=begun
+            )
+            found.append(placed)
+        return found[0], found[1]
 
 
 def _keypoint_map(displacement: np.ndarray) -> Deformation:

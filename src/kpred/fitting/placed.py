@@ -78,7 +78,8 @@ def place(deformed: Deformed, order: Sequence[int], frame: Frame, database: Data
     row = order[0]
     entry = database.entry(deformed.candidates.model_ids[row])
     explanation = in_own_size(deformed.explanations[row], entry, frame)
-    mesh = place_mesh(explanation, entry, frame)
+    moved, keypoints = place_points(explanation, entry, frame)
+    mesh = trimesh.Trimesh(moved, entry.mesh.faces.copy(), process=False)
     model = place_model(explanation.placement, entry, frame)
     vertices = np.asarray(entry.mesh.vertices, dtype=np.float64)
     undeformed = trimesh.Trimesh(
@@ -86,33 +87,33 @@ def place(deformed: Deformed, order: Sequence[int], frame: Frame, database: Data
     )
     target = deformed.candidates.target.numpy()
     some = target[:: max(1, len(target) // SURFACE_POINTS)].astype(np.float64)
-    surface, _ = closest_points(some, frame.to_unit(np.asarray(mesh.vertices)), entry.mesh.faces)
-    keypoints = place_keypoints(explanation, entry, frame)
+    surface, _ = closest_points(some, frame.to_unit(moved), entry.mesh.faces)
     distance = float(surface.mean()) * frame.scale
     return Placed(row, explanation, entry, mesh, undeformed, model, keypoints, distance)
 
 
 def place_mesh(explanation: Explanation, entry: Entry, frame: Frame) -> trimesh.Trimesh:
-    """Deform a model's mesh as its explanation says; in the scan's frame and units.
+    """Deform a model's mesh as its explanation says; in the scan's frame and units."""
+    return trimesh.Trimesh(place_points(explanation, entry, frame)[0], entry.mesh.faces.copy(), process=False)
+
+
+def place_points(
+    explanation: Explanation, entry: Entry, frame: Frame
+) -> tuple[Float[np.ndarray, "vertices 3"], Float[np.ndarray, "keypoints 3"]]:
+    """Deform a model's vertices and keypoints as its explanation says; in the scan's frame and units.
 
     Args:
         entry: the model as it is in the database; frame: takes the scan into its unit box.
     """
     vertices = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
-    basis = entry.vertex_basis.astype(np.float64)
-    moved = explanation.deformation(ModelPoints(vertices, entry.structure.vertex_parts, basis))
-    return trimesh.Trimesh(frame.from_unit(moved), entry.mesh.faces.copy(), process=False)
-
-
-def place_keypoints(explanation: Explanation, entry: Entry, frame: Frame) -> Float[np.ndarray, "keypoints 3"]:
-    """Move a model's keypoints with its mesh; in the scan's frame and units."""
-    vertices = entry.frame.to_unit(entry.mesh.vertices.astype(np.float64))
     keypoints = entry.keypoints.astype(np.float64)
-    _, face = closest_points(keypoints, vertices, entry.mesh.faces)
-    parts = entry.structure.vertex_parts[entry.mesh.faces[face, 0]]
-    moved = explanation.deformation(ModelPoints(keypoints, parts, np.eye(len(keypoints))))
-    placed: np.ndarray = frame.from_unit(moved)
-    return placed
+    # A keypoint moves with the part of the vertex nearest to it.
+    nearest = np.square(keypoints[:, None] - vertices[None]).sum(axis=2).argmin(axis=1)
+    of_vertices = entry.structure.vertex_parts
+    parts = np.concatenate([of_vertices, of_vertices[nearest]])
+    basis = np.concatenate([entry.vertex_basis.astype(np.float64), np.eye(len(keypoints))])
+    moved = frame.from_unit(explanation.deformation(ModelPoints(np.concatenate([vertices, keypoints]), parts, basis)))
+    return moved[: len(vertices)], moved[len(vertices) :]
 
 
 def in_own_size(explanation: Explanation, entry: Entry, frame: Frame) -> Explanation:

@@ -219,11 +219,10 @@ def _missing_yaw(candidates: Candidates, visibility: Visibility) -> float:
         points = candidates.points[row].numpy()
         some = np.ascontiguousarray(points[:: max(1, len(points) // PLACED_POINTS)])
         visible = visibility(some)
-        options = {"per_axis": True, "rounds": 8}
-        straight = fit_placement(some, Placement.identity(), few, visible, free_yaw=False, **options)
-        turned = fit_placement(some, straight, few, visible, free_yaw=True, **options)
+        straight = fit_placement(some, Placement.identity(), few, visible, per_axis=True, free_yaw=False, rounds=8)
+        turned = fit_placement(some, straight, few, visible, per_axis=True, free_yaw=True, rounds=8)
         errors = [
-            distances(few, apart, np.ascontiguousarray(one(some), dtype=np.float32), visible).error
+            distances(few, (apart, 0.0), np.ascontiguousarray(one(some), dtype=np.float32), visible).error
             for one in (straight, turned)
         ]
         if errors[1] < min(best, YAW_GAIN * errors[0]):

@@ -25,8 +25,10 @@ def closest_points(
     corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
     queries = np.ascontiguousarray(points, dtype=np.float64)
     planes = _planes(corners)
+    middles = corners.mean(axis=1)
+    reach = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
     share_out(
-        lambda first, last: _closest(queries, corners, planes, squared, face, first, last),
+        lambda first, last: _closest(queries, corners, planes, middles, reach, squared, face, first, last),
         len(points),
         _STEPS * len(points) * len(faces),
     )
@@ -51,14 +53,23 @@ def _planes(corners):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _closest(points, corners, planes, squared, face, first, last):
+def _closest(points, corners, planes, middles, reach, squared, face, first, last):
     for p in range(first, last):
         x, y, z = points[p]
-        squared[p] = 1e300
+        # No face is farther than the far side of the sphere around it: that bounds the distance before any is tried.
+        bound = 1e300
+        for f in range(len(corners)):
+            dx, dy, dz = x - middles[f, 0], y - middles[f, 1], z - middles[f, 2]
+            bound = min(bound, np.sqrt(dx * dx + dy * dy + dz * dz) + reach[f])
+        squared[p] = bound * bound * (1.0 + 1e-9) + 1e-300
         face[p] = 0
         for f in range(len(corners)):
             off = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3]
             if off * off >= squared[p]:
+                continue
+            dx, dy, dz = x - middles[f, 0], y - middles[f, 1], z - middles[f, 2]
+            near = np.sqrt(dx * dx + dy * dy + dz * dz) - reach[f]
+            if near > 0.0 and near * near >= squared[p]:
                 continue
             s, t = _place(x, y, z, corners[f])
             total = 0.0

@@ -13,6 +13,12 @@ MIN_GROWTH, MAX_GROWTH = 0.25, 4.0
 MIN_SLOPE, MAX_SLOPE = 0.15, 6.0
 """Least and largest slope of the map that is common to all parts."""
 
+MIN_ARC = 0.02
+"""A part is bent if its middle is off its ends by more than this fraction of its length."""
+
+MIN_ARC_POINTS = 16
+"""Points by which a bend can be told."""
+
 SLENDER = 1.5
 """A part leans and bends along an axis if it is so many times longer along it than across."""
 
@@ -64,6 +70,8 @@ def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
     """
     along = np.take_along_axis(basis.half, basis.lean_axis, axis=1)
     each = np.where(along < SLENDER * basis.half, 0, 1 + oblique(basis)[:, None])
+    # Only what is mapped affinely can be turned as a whole.
+    each[(spline_spans(basis)[..., 0] >= 0).any(axis=1)] = 0
     own = _mirrors_itself(basis)
     # What is its own mirror image leans neither to a side nor along one.
     each[own, 0] = 0
@@ -71,12 +79,33 @@ def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
     return _of_groups(basis, each)
 
 
-def possible_bends(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
-    """List bends of each group in x, y and z: 1 for curved parts, unless symmetry forbids it."""
+def possible_bends(
+    basis: StructureBasis, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
+) -> Int[np.ndarray, "groups 3"]:
+    """List bends of each group in x, y and z: 1 for parts that are bent that way already, unless symmetry forbids it.
+
+    Args:
+        points: of the model's surface, unit box; parts: theirs. A round bar is curved, but straight: it does not bend.
+    """
     along = np.take_along_axis(basis.half, basis.lean_axis, axis=1)
-    each = (basis.structure.curved[:, None] & (along >= SLENDER * basis.half)).astype(np.int64)
+    resolved = ~np.take_along_axis(basis.structure.ends_only, basis.lean_axis, axis=1)
+    each = (basis.structure.curved[:, None] & resolved & (along >= SLENDER * basis.half)).astype(np.int64)
+    for part, axis in np.argwhere(each):
+        mine = points[parts == part]
+        each[part, axis] = abs(_arc(mine, int(axis), int(basis.lean_axis[part, axis]))) > MIN_ARC
     each[_mirrors_itself(basis), 0] = 0
     return _of_groups(basis, each)
+
+
+def _arc(points: np.ndarray, axis: int, along: int) -> float:
+    """Height of the arc that points make in one direction along another, over their length."""
+    place = points[:, along]
+    half = float(np.ptp(place)) / 2
+    if len(points) < MIN_ARC_POINTS or half <= 0:
+        return 0.0
+    q = (place - (place.min() + place.max()) / 2) / half
+    columns = np.stack([np.ones_like(q), q, q**2], axis=1)
+    return float(np.linalg.lstsq(columns, points[:, axis], rcond=None)[0][2]) / (2 * half)
 
 
 def growth_limits(basis: StructureBasis) -> Float[np.ndarray, "parts 3 3"]:

@@ -69,7 +69,7 @@ def spacing(points: Float[np.ndarray, "points 3"]) -> float:
 
 def distances(
     goal: Float[np.ndarray, "goal 3"],
-    goal_spacing: float,
+    spacings: tuple[float, float],
     result: Float[np.ndarray, "points 3"],
     visible: Float[np.ndarray, " points"],
     step: int = 1,
@@ -77,11 +77,12 @@ def distances(
     """Measure the distances between a scan and a result, both float32, unit box.
 
     Args:
-        goal_spacing: of the scan (`spacing`); visible: how surely each point of the result was seen.
+        spacings: of the scan and of the result (`spacing`); visible: how surely each point of the result was seen.
         step: every `step`-th point of each cloud is a query, searched among all points of the other.
     """
     forth, _ = nearest_of_one(np.ascontiguousarray(goal[::step]), result)
     back, _ = nearest_of_one(np.ascontiguousarray(result[::step]), goal)
     seen = float(visible.mean())
     weighted = float((visible[::step] * back).mean()) / max(seen, MIN_SEEN)
-    return Distances(float(forth.mean()), weighted, spacing(result) + goal_spacing * min(1.0, seen / MIN_SEEN), seen)
+    floor = spacings[1] + spacings[0] * min(1.0, seen / MIN_SEEN)
+    return Distances(float(forth.mean()), weighted, floor, seen)

@@ -56,7 +56,7 @@ def apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _square(part, bounds, boxes, lean_axis, points, solution, growth, limits, lean, moved):
-    """Rotates and scales a part along its own axes, where axis maps and lean alone would shear it."""
+    """Rotates and scales an affinely mapped part along its own axes, where axis maps and lean alone would shear it."""
     factor = np.empty(3)
     matrix = np.zeros((3, 3))
     for axis in range(3):
@@ -77,26 +77,15 @@ def _square(part, bounds, boxes, lean_axis, points, solution, growth, limits, le
                 image[k, axis] -= dot / length * image[before, axis]
     first, last = bounds[part], bounds[part + 1]
     middle, place = np.empty(3), np.empty(3)
-    oblique = boxes[part, 12] > 0
     for axis in range(3):
         middle[axis] = boxes[part, 9 + axis]
-        # The middle of an affine part goes where the axis maps take it; that of another one is the mean of its ends.
+        # Such a part is mapped affinely: from any point it follows where its middle goes.
         place[axis] = moved[first, axis] - factor[axis] * (points[first, axis] - middle[axis])
-    if not oblique:
-        for axis in range(3):
-            place[axis] = 0.0
-            for i in range(first, last):
-                place[axis] += moved[i, axis] - factor[axis] * (points[i, axis] - middle[axis])
-            place[axis] /= last - first
     for i in range(first, last):
         local = np.zeros(3)
         for k in range(3):
             for axis in range(3):
-                if oblique:
-                    local[k] += (points[i, axis] - middle[axis]) * boxes[part, 3 * k + axis]
-                else:
-                    # What the axis map makes of the coordinate, in units of the source.
-                    local[k] += (moved[i, axis] - place[axis]) / factor[axis] * boxes[part, 3 * k + axis]
+                local[k] += (points[i, axis] - middle[axis]) * boxes[part, 3 * k + axis]
         for axis in range(3):
             moved[i, axis] = (
                 place[axis] + local[0] * image[0, axis] + local[1] * image[1, axis] + local[2] * image[2, axis]

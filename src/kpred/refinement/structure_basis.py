@@ -190,6 +190,7 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
     for part in range(structure.parts):
         grow = controls + KINDS * basis.group[part] + 1
         stiff[grow, grow] += config.growth_ridge / basis.half[part, axis] ** 2
+        stiff[grow + 2, grow + 2] += config.bend_ridge
     if len(structure.contact_points):
         rows = [basis.rows(structure.contact_points, structure.contact_parts[:, side])[axis] for side in (0, 1)]
         gap = rows[0] - rows[1]

@@ -16,7 +16,8 @@ class StructureConfig:
         iterations: rounds of nearest neighbours and least squares.
         points: of the source and of the scan that are used in each round.
         smoothness: weight of second differences of the spline's controls; ridge: of the controls themselves.
-        part_ridge: weight of a part's own motion and growth; growth_ridge: of its growth relative to its own size.
+        part_ridge: weight of a part's own motion and growth; growth_ridge: of its growth relative to its own size;
+            bend_ridge: of the bend of a part that is bent already.
         contact: weight of a gap that opens across a contact; sliding: of parts that slide along it.
         lean_gain: fall of the mean squared distance, unit box, from which a part may lean.
         thickness: weight of the growth of boards seen from one side.
@@ -25,13 +26,14 @@ class StructureConfig:
         robust: a point farther than this many times the median distance counts less and less; 0 is off.
     """
 
-    controls: int = 16
+    controls: int = 10
     iterations: int = 12
     points: int = 1024
     smoothness: float = 1e-4
     ridge: float = 1e-7
     part_ridge: float = 1e-5
-    growth_ridge: float = 0.0
+    growth_ridge: float = 1e-5
+    bend_ridge: float = 1e-3
     contact: float = 1.0
     sliding: float = 1e-3
     lean_gain: float = 3e-5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from kpred.refinement.freedom import (
     spline_spans,
 )
 from kpred.refinement.structure_apply_cpu import apply_columns
+from kpred.refinement.score import spacing
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_cpu import fit_rounds
@@ -112,7 +114,7 @@ class StructureModel:
             spline_spans(basis),
             spline_slopes(basis),
             possible_leans(basis),
-            possible_bends(basis),
+            possible_bends(basis, points, parts),
         )
         return cls(basis, points, parts, normals, freedom)
 
@@ -138,6 +140,12 @@ class StructureModel:
             self._columns[step] = _Columns(order, place, bounds, *self.basis.columns(place, parts))
         return self._columns[step]
 
+    @cached_property
+    def spacing(self) -> float:
+        """Mean squared distance between two samples of the model's surface, unit box."""
+        return spacing(np.asarray(self.points, dtype=np.float32))
+
+    @cached_property
     def feet(self) -> Float[np.ndarray, " points"]:
         """Weight of each point that stands on the floor, 1 in all; 0 for the others."""
         low = (self.basis.middle - self.basis.half)[self.parts, 1]
@@ -200,7 +208,7 @@ def fit_structure(
         slopes,
         leans,
         bends,
-        weight * model.feet()[columns.order] * step,
+        weight * model.feet[columns.order] * step,
         0.0 if evidence.floor is None else evidence.floor,
         config.iterations,
         config.robust**2,

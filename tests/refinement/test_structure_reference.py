@@ -1,0 +1,48 @@
+"""The compiled rounds agree with the plain ones, matches included."""
+
+import numpy as np
+import pytest
+
+from kpred.refinement import structure_fit
+from kpred.refinement.matching_cpu import match, seen_points
+from kpred.refinement.structure_config import StructureConfig
+from kpred.refinement.structure_reference import fit_rounds_reference, match_reference
+
+TOLERANCE = 1e-4
+
+
+def _half_seen(places):
+    return np.clip(3 * places[:, 2] + 0.6, 0, 1)
+
+
+def _scan(case):
+    """The model stretched, sheared and moved, so that no unknown is idle."""
+    vertices = case.vertices * [1.2, 0.9, 0.8] + [0.02, -0.03, 0.01]
+    vertices[:, 2] -= 0.15 * np.maximum(case.vertices[:, 1], 0)
+    return case.scan(vertices)
+
+
+@pytest.mark.parametrize("rounds", [1, 3, 12])
+@pytest.mark.parametrize("floor", [None, -0.45])
+def test_the_compiled_fit_is_the_plain_one(case, rounds, floor, monkeypatch):
+    config, goal = StructureConfig(iterations=rounds, points=512), _scan(case)
+    compiled = case.fit(goal, _half_seen, floor, config)
+    monkeypatch.setattr(structure_fit, "fit_rounds", fit_rounds_reference)
+    plain = case.fit(goal, _half_seen, floor, config)
+    assert np.abs(case.moved(compiled) - case.vertices).max() > 0.02
+    assert np.abs(case.moved(compiled) - case.moved(plain)).max() < TOLERANCE
+    assert np.abs(case.model.moved(compiled) - case.model.moved(plain)).max() < TOLERANCE
+
+
+def test_matches_are_those_of_all_pairs(cases, rng):
+    case = cases["chair"]
+    moved = case.points[:700].astype(np.float32)
+    goal = _scan(case)[:600]
+    for visible in (rng.random(700).astype(np.float32), np.zeros(700, np.float32)):
+        for first in (0, 1):
+            for robust in (0.0, 400.0):
+                wanted = np.empty((700, 4), np.float32)
+                match(moved, goal, visible, seen_points(visible), first, robust, 1e-4, wanted)
+                places, weights = match_reference(moved, goal, visible, first, robust, 1e-4)
+                np.testing.assert_allclose(wanted[:, 3], weights, atol=1e-6)
+                np.testing.assert_allclose(wanted[:, :3], places, atol=1e-6)
