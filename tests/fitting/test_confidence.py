@@ -99,7 +99,7 @@ def _explanation(step: Step, growth: float | None = None) -> Explanation:
     """An explanation by this step; with a growth, of one cuboid that grows by it along x."""
     points = np.zeros((4, 3), np.float32)
     structure = None if growth is None else _grown(growth)
-    distances = Distances(0.0, 0.0, 0.0, 1.0)
+    distances = Distances(forth=0.0, back=0.0, bounded=0.0, floor=0.0, seen=1.0)
     return Explanation(step, lambda model: model.points, points, distances, 0.0, Placement.identity(), structure)
 
 

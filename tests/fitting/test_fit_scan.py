@@ -166,12 +166,11 @@ def test_the_record_is_plain_json(chair: np.ndarray) -> None:
 def test_result_lies_near_the_scan_in_its_own_units(chair: np.ndarray) -> None:
     fit = kpred.fit(chair, category="chair")
     surface = torch.from_numpy(_sample(fit.mesh.vertices, fit.mesh.faces, 60_000))[None]
-    squared, _ = nearest_reference(torch.from_numpy(chair[::8])[None], surface)
-    distance = squared.sqrt()
+    squared, _ = nearest_reference(torch.from_numpy(chair[::4])[None], surface)
     stated = next(metric for metric in fit.metrics if metric.name == "mean_scan_to_result")
     assert stated.unit == "scan units"
-    # The stated distance is to points sampled on the result, so that it is a little above the true one.
-    assert 0.9 * distance.mean() <= stated.value <= distance.mean() + 0.05 * fit.frame.scale
+    # Of other points of the scan, and to the surface itself: samples of it are a little farther.
+    assert stated.value == pytest.approx(float(squared.sqrt().mean()), rel=0.2)
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ def _deformed(
             "none",
             lambda model: model.points,
             cloud.numpy(),
-            Distances(error, 0.0, 0.0, seen),
+            Distances(forth=error, back=0.0, bounded=error, floor=0.0, seen=seen),
             float(np.log(error)),
             Placement.identity(),
             final=row not in stopped,

@@ -129,7 +129,7 @@ class _Work:
         self.goal = np.ascontiguousarray(candidates.target.numpy())
         self.few = np.ascontiguousarray(self.goal[:: max(1, len(self.goal) // PLACED_POINTS)])
         self.spacing = spacing(self.goal)
-        self.evidence = Evidence(self.goal, visibility, floor)
+        self.evidence = Evidence(self.goal, visibility, floor, self.spacing)
         self.points = candidates.points.numpy()
         self.start = candidates.deformed().numpy()
         self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]

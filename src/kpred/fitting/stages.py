@@ -204,7 +204,7 @@ def _lacks_parts(scan: CleanScan, reading: Reading, context: Context, options: F
 
 
 def _visibility(candidates: Candidates, context: Context, options: FitOptions) -> Visibility:
-    if options.partial is False or (options.partial is None and not candidates.partial):
+    if options.partial is False:
         return all_seen()
     return predicted(candidates, context.model)
 

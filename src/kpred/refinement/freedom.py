@@ -82,10 +82,12 @@ def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
 def possible_bends(
     basis: StructureBasis, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
 ) -> Int[np.ndarray, "groups 3"]:
-    """List bends of each group in x, y and z: 1 for parts that are bent that way already, unless symmetry forbids it.
+    """List bends of each group along x, y and z: 1 for parts that are bent that way already.
 
     Args:
         points: of the model's surface, unit box; parts: theirs. A round bar is curved, but straight: it does not bend.
+
+    Parts that are their own mirror image do not bend to a side.
     """
     along = np.take_along_axis(basis.half, basis.lean_axis, axis=1)
     resolved = ~np.take_along_axis(basis.structure.ends_only, basis.lean_axis, axis=1)

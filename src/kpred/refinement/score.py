@@ -27,6 +27,9 @@ NOISE = 0.012
 FLOOR_DOUBT = 0.15
 """Fraction of the samples' own spacing that its estimate may be wrong by."""
 
+STRAY = 0.2
+"""Points farther than this from the other side are strays, or the other lacks them; how far says nothing; unit box."""
+
 MIN_SEEN = 0.2
 """Fraction of a surface that must be seen for its distances to count in full."""
 
@@ -37,6 +40,7 @@ class Distances:
 
     Attributes:
         forth: from the scan to the result; back: from the result's seen surface to the scan, weighted by visibility.
+        bounded: both, with distances beyond `STRAY` counted as that.
         floor: what both would be for a perfect result, by the spacing of the samples.
         seen: mean visibility of the result's surface.
         unseen: mean squared distance of the result's unseen surface from where it is expected, by invisibility.
@@ -44,6 +48,7 @@ class Distances:
 
     forth: float
     back: float
+    bounded: float
     floor: float
     seen: float
     unseen: float = 0.0
@@ -56,7 +61,7 @@ class Distances:
     def log_error(self) -> float:
         """Logarithm of the error beyond the samples' spacing, of what is seen and unseen, with the noise of scans."""
         noise = NOISE**2 + FLOOR_DOUBT * self.floor
-        return float(np.log(max(self.error - self.floor, 0.0) + self.unseen + noise))
+        return float(np.log(max(self.bounded - self.floor, 0.0) + self.unseen + noise))
 
 
 def spacing(points: Float[np.ndarray, "points 3"]) -> float:
@@ -83,6 +88,8 @@ def distances(
     forth, _ = nearest_of_one(np.ascontiguousarray(goal[::step]), result)
     back, _ = nearest_of_one(np.ascontiguousarray(result[::step]), goal)
     seen = float(visible.mean())
-    weighted = float((visible[::step] * back).mean()) / max(seen, MIN_SEEN)
+    some, total = visible[::step], max(seen, MIN_SEEN)
+    weighted = float((some * back).mean()) / total
+    bounded = float(np.minimum(forth, STRAY**2).mean() + (some * np.minimum(back, STRAY**2)).mean() / total)
     floor = spacings[1] + spacings[0] * min(1.0, seen / MIN_SEEN)
-    return Distances(float(forth.mean()), weighted, floor, seen)
+    return Distances(float(forth.mean()), weighted, bounded, floor, seen)

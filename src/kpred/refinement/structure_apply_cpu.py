@@ -37,11 +37,12 @@ def apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution
             continue
         most = 0.0
         for axis in range(3):
-            i = bounds[part]
-            # Sign of a mirrored part's lean: that of its column.
             along_lean = lean_axis[part, axis]
-            place = points[i, along_lean] - boxes[part, 9 + along_lean]
-            sign = 1.0 if own[axis, 2, i] * place >= 0 else -1.0
+            # A mirrored part's lean has the sign of its column.
+            same = 0.0
+            for i in range(bounds[part], bounds[part + 1]):
+                same += own[axis, 2, i] * (points[i, along_lean] - boxes[part, 9 + along_lean])
+            sign = 1.0 if same >= 0 else -1.0
             lean[axis] = sign * solution[axis, controls + KINDS * group[part] + 2] / limits[part, along_lean, 2]
             most = max(most, abs(lean[axis]))
         if boxes[part, 12] > 0 or most > 1e-4:

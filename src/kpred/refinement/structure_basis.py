@@ -21,7 +21,7 @@ from kpred.shapes.structure import Structure
 KINDS = 4
 """Unknowns of each group along an axis: move, grow, lean, bend."""
 
-MIN_HALF_SIDE = 0.01
+MIN_HALF_SIDE = 0.001
 """Least half side by which a part's growth is measured, unit box."""
 
 ACROSS = 0.03
@@ -209,9 +209,9 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
             even[k, [k, controls - 1 - k]] = 1.0
         difference = np.diff(even, axis=0)
         stiff += RIGID * difference.T @ difference
-        for part in np.flatnonzero(structure.mirrored_parts == np.arange(structure.parts)):
-            own = controls + KINDS * basis.group[part]
-            stiff[own, own] += RIGID
+        # What is its own mirror image does not move by itself.
+        moves = controls + KINDS * basis.group[structure.mirrored_parts == np.arange(structure.parts)]
+        stiff[moves, moves] += RIGID
     return stiff
 
 

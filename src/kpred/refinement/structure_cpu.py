@@ -45,7 +45,7 @@ def fit_rounds(
         visible: (N,) how surely each was seen; held: (N,) weight of staying at `start`.
         goal: (M, 3); stiff: (3, U, U); growth: (C, 3, U) of each part; limits: (C, 3, 3) lowest and highest growth, and
             the half side that a part's own growth is measured by.
-        feet: (N,) weight of points that stand on the floor; floor: its height.
+        feet: (N,) weight of points that stand on the floor; floor: (N,) height at which it holds each.
         robust: squared multiple of the median distance, 0 for equal weights; minimum: least squared scale.
         lean_gain: gain in weighted squared distance from which a lean is accepted.
     """
@@ -70,7 +70,7 @@ def fit_rounds(
                 residual[i] = wanted[i, axis] - wanted[i, 3] * points[i, axis]
                 if axis == 1:
                     weighted[i] += feet[i]
-                    residual[i] += feet[i] * (floor - points[i, 1])
+                    residual[i] += feet[i] * (floor[i] - points[i, 1])
             assemble(spline[axis], own[axis], bounds, group, weighted, residual, controls, normal, right)
             _constrain(normal, stiff[axis], leaning[:, axis], can_bend[:, axis], controls)
             _solve_monotone(normal, right, spans, axis, slopes, controls)

@@ -17,8 +17,8 @@ from kpred.refinement.freedom import (
     spline_slopes,
     spline_spans,
 )
-from kpred.refinement.structure_apply_cpu import apply_columns
 from kpred.refinement.score import spacing
+from kpred.refinement.structure_apply_cpu import apply_columns
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_cpu import fit_rounds
@@ -29,6 +29,9 @@ MIN_SCALE = 1e-4
 
 THIN = 0.15
 """A part with a side shorter than this is a board or a bar, whose thickness is seen only from two sides; unit box."""
+
+BLUR = 0.7
+"""Boards thinner than this times the spacing of the scan's points keep their thickness; twice as thick ones are free."""
 
 OUTSIDE = 0.12
 """Surface is seen if a place so far outside of it is, unit box: the grid of visibility is no finer."""
@@ -146,6 +149,12 @@ class StructureModel:
         return spacing(np.asarray(self.points, dtype=np.float32))
 
     @cached_property
+    def heights(self) -> Float[np.ndarray, " points"]:
+        """Height of each point above the lowest of its part, unit box."""
+        found: np.ndarray = self.points[:, 1] - (self.basis.middle - self.basis.half)[self.parts, 1]
+        return found
+
+    @cached_property
     def feet(self) -> Float[np.ndarray, " points"]:
         """Weight of each point that stands on the floor, 1 in all; 0 for the others."""
         low = (self.basis.middle - self.basis.half)[self.parts, 1]
@@ -161,11 +170,13 @@ class Evidence:
         goal: (M, 3) points of the scan, in random order.
         visible: how surely places (Q, 3) would have been seen, (Q,) from 0 to 1.
         floor: height of the floor that the object stands on; None where it is not known.
+        spacing: mean squared distance between two samples of the scan's surface; 0 for an exact one.
     """
 
     goal: Float[np.ndarray, "goal 3"]
     visible: Callable[[np.ndarray], np.ndarray]
     floor: float | None = None
+    spacing: float = 0.0
 
 
 def fit_structure(
@@ -184,10 +195,12 @@ def fit_structure(
     columns = model.columns(step)
     place = start[columns.order]
     seen = evidence.visible(place + OUTSIDE * model.normals[columns.order])
-    stiff = basis.stiff + config.thickness * _thickness(model, columns, seen)
+    stiff = basis.stiff + config.thickness * _thickness(model, columns, seen, evidence.spacing)
     solution = np.zeros((3, basis.unknowns))
     moved = np.empty_like(columns.points)
     weight = 0.0 if evidence.floor is None else config.floor
+    # A point above a sole stays as far above the floor.
+    floor = (0.0 if evidence.floor is None else evidence.floor) + model.heights[columns.order]
     limits, boxes, spans, slopes, leans, bends = model._freedom
     fit_rounds(
         columns.spline,
@@ -209,7 +222,7 @@ def fit_structure(
         leans,
         bends,
         weight * model.feet[columns.order] * step,
-        0.0 if evidence.floor is None else evidence.floor,
+        floor,
         config.iterations,
         config.robust**2,
         MIN_SCALE,
@@ -220,8 +233,11 @@ def fit_structure(
     return StructureMap(basis, solution)
 
 
-def _thickness(model: StructureModel, columns: _Columns, seen: np.ndarray) -> np.ndarray:
-    """(3, U, U) quadratic form that keeps the thickness of boards and bars of which one side was seen."""
+def _thickness(model: StructureModel, columns: _Columns, seen: np.ndarray, apart: float) -> np.ndarray:
+    """(3, U, U) quadratic form that keeps the thickness of boards and bars of which the scan does not show it.
+
+    It does not show it where one side was seen, or where the two sides are nearer to each other than samples are.
+    """
     basis = model.basis
     parts, normals = model.parts[columns.order], model.normals[columns.order]
     found = np.zeros_like(basis.stiff)
@@ -232,7 +248,9 @@ def _thickness(model: StructureModel, columns: _Columns, seen: np.ndarray) -> np
             total = np.bincount(parts, facing, basis.structure.parts)
             sides.append(np.bincount(parts, facing * seen, basis.structure.parts) / np.maximum(total, 1e-9))
         hidden = 1.0 - np.minimum(*sides)
-        thin = (2 * basis.half[:, axis] < THIN) & (hidden > 0.05)
+        blurred = np.clip(2.0 - 2 * basis.half[:, axis] / max(BLUR * np.sqrt(apart), 1e-9), 0.0, 1.0)
+        held = np.maximum(hidden, blurred)
+        thin = (2 * basis.half[:, axis] < THIN) & (held > 0.05)
         rows = basis.growth[thin, axis]
-        found[axis] = rows.T @ (hidden[thin][:, None] * rows)
+        found[axis] = rows.T @ (held[thin][:, None] * rows)
     return found

@@ -92,12 +92,9 @@ class Family:
         directions, lengths = np.linalg.qr(matrix @ axes.T)
         images = directions * np.diag(lengths)
         source = self.points[mine] - middle
-        if self.boxes[part, 12] > 0:
-            place, local = moved[0] - factor * source[0], source
-        else:
-            place = (moved - factor * source).mean(axis=0)
-            local = (moved - place) / factor
-        rotated: np.ndarray = place + local @ axes.T @ images.T
+        # Such a part is mapped affinely: from any point it follows where its middle goes.
+        place = moved[0] - factor * source[0]
+        rotated: np.ndarray = place + source @ axes.T @ images.T
         return rotated
 
 
@@ -121,7 +118,7 @@ def fit_rounds_reference(
     can_lean: np.ndarray,
     can_bend: np.ndarray,
     feet: np.ndarray,
-    floor: float,
+    floor: np.ndarray,
     rounds: int,
     robust: float,
     minimum: float,

@@ -24,7 +24,8 @@ class KpRedMethod:
 
     Attributes:
         deform: how far models are changed, as `kpred.fit` takes it; `paper` measures the networks' own keypoints and
-            takes the lowest error (the published protocol).
+            takes the lowest error (the published protocol). Otherwise, of fewer candidates than are deformed, the one
+            is taken that a fit of all of them ranks highest.
     """
 
     name: str
