@@ -127,7 +127,6 @@ def test_a_floor_below_pulls_feet_down(cases, name):
 
 
 @pytest.mark.parametrize("name", ["table", "chair", "splayed chair"])
-@pytest.mark.xfail(strict=True, reason="points up to 0.02 above a sole are pulled onto the floor, so that soles sink")
 def test_feet_stand_on_the_floor(cases, name):
     case = cases[name]
     floor = float(case.vertices[:, 1].min())

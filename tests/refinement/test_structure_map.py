@@ -93,7 +93,6 @@ def test_the_order_of_points_does_not_matter(case, rng):
     np.testing.assert_allclose(found(case.vertices[order], parts[order]), case.moved(found)[order], atol=1e-5)
 
 
-@pytest.mark.xfail(strict=True, reason="the sign of a lean is read from the first point, which may lie at the middle")
 def test_mirrored_parts_lean_against_each_other_from_any_first_point(cases):
     case = cases["splayed chair"]
     found = random_map(case, np.random.default_rng(3), lean=0.1)
@@ -104,7 +103,6 @@ def test_mirrored_parts_lean_against_each_other_from_any_first_point(cases):
         np.testing.assert_allclose(among, found(mine, np.full(len(mine), part)), atol=1e-3)
 
 
-@pytest.mark.xfail(strict=True, reason="limits of growth assume that no board is thinner than 0.02")
 def test_thin_boards_do_not_turn_inside_out(build):
     sides = [box((0.03, 1.4, 0.3), (x, 0.7, 0.0), "side") for x in (-0.385, 0.385)]
     case = build([*sides, box((0.74, 1.36, 0.01), (0.0, 0.7, -0.12), "back")])

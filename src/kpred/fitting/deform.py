@@ -199,7 +199,8 @@ class _Work:
         visible = self.visibility(moved + OUTSIDE * self.models[row].normals)
         off = np.square(moved - self.start[row])[::every].sum(axis=1)
         unseen = float((self.hidden[row][::every] * off).mean())
-        measured = replace(distances(self.goal, (self.spacing, self._spacing(row, moved)), moved, visible, every), unseen=unseen)
+        spacings = self.spacing, self._spacing(row, moved)
+        measured = replace(distances(self.goal, spacings, moved, visible, every), unseen=unseen)
         error = np.exp(measured.log_error()) + self._floor_error(row, moved)
         return Explanation(step, deformation, moved, measured, float(np.log(error)) + COSTS[step], placement)
 
@@ -230,9 +231,7 @@ class _Work:
         placed = Placement.identity()
         found = []
         for per_axis in (False, True):
-            placed = fit_placement(
-                points, placed, self.few, visible, per_axis=per_axis, free_yaw=False, expected=begun
-            )
+            placed = fit_placement(points, placed, self.few, visible, per_axis=per_axis, free_yaw=False, expected=begun)
             found.append(placed)
         return found[0], found[1]
 

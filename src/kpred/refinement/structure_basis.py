@@ -21,7 +21,7 @@ from kpred.shapes.structure import Structure
 KINDS = 4
 """Unknowns of each group along an axis: move, grow, lean, bend."""
 
-MIN_HALF_SIDE = 0.001
+MIN_HALF_SIDE = 0.003
 """Least half side by which a part's growth is measured, unit box."""
 
 ACROSS = 0.03
