@@ -31,7 +31,7 @@ THIN = 0.15
 """A part with a side shorter than this is a board or a bar, whose thickness is seen only from two sides; unit box."""
 
 BLUR = 0.7
-"""Boards thinner than this times the spacing of the scan's points keep their thickness; twice as thick ones may grow."""
+"""Boards thinner than this times the spacing of the scan's points keep their thickness; thicker ones may grow."""
 
 OUTSIDE = 0.12
 """Surface is seen if a place so far outside of it is, unit box: the grid of visibility is no finer."""
