@@ -12,7 +12,6 @@ from kpred.database import Database, Entry
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.deform import Deformation, ModelPoints, deform_candidates
 from kpred.fitting.options import FitOptions
-from kpred.fitting.placed import in_own_size
 from kpred.fitting.recognise import Reading
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
@@ -63,12 +62,7 @@ def deliver(candidates: Candidates, visibility: Visibility, database: Database, 
     row = rank_candidates(deformed)[0]
     entry = database.entry(candidates.model_ids[row])
     found = deformed.explanations[row]
-    placed = in_own_size(found, entry, UNIT_BOX)
-    points = found.points
-    if placed is not found:
-        model = ModelPoints(entry.points.astype(np.float64), entry.point_parts, entry.point_basis.astype(np.float64))
-        points = placed.deformation(model).astype(np.float32)
-    return Delivered(entry, torch.from_numpy(points), placed.deformation)
+    return Delivered(entry, torch.from_numpy(found.points), found.deformation)
 
 
 def undeformed(model_id: str, database: Database) -> Delivered:

@@ -132,7 +132,7 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
     with timer("select"):
         order = rank_candidates(deformed)
     with timer("place"):
-        placed = place(deformed, order, aligned.best.frame, context.database)
+        placed = place(deformed, order, aligned.best.frame, context.database, options.known)
     with timer("assess"):
         assessment = assess(deformed, placed, aligned, cloud, context)
     return build_fit(cloud, aligned, deformed, order, placed, assessment, timer.seconds, context, options)

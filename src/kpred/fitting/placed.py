@@ -69,18 +69,22 @@ class Placed:
     distance: float
 
 
-def place(deformed: Deformed, order: Sequence[int], frame: Frame, database: Database) -> Placed:
+def place(deformed: Deformed, order: Sequence[int], frame: Frame, database: Database, known: bool = False) -> Placed:
     """Bring the chosen candidate, the first in `order`, back to where the scan is.
+
+    Args:
+        known: the scan lies in its unit box, which has no unit to compare a model's own size in.
 
     Raises:
         DatabaseError: it is no longer in the database.
     """
     row = order[0]
     entry = database.entry(deformed.candidates.model_ids[row])
-    explanation = in_own_size(deformed.explanations[row], entry, frame)
+    found = deformed.explanations[row]
+    explanation = found if known else in_own_size(found, entry, frame)
     moved, keypoints = place_points(explanation, entry, frame)
     mesh = trimesh.Trimesh(moved, entry.mesh.faces.copy(), process=False)
-    model = place_model(explanation.placement, entry, frame)
+    model = place_model(explanation.placement, entry, frame, known)
     vertices = np.asarray(entry.mesh.vertices, dtype=np.float64)
     undeformed = trimesh.Trimesh(
         vertices @ model.matrix[:3, :3].T + model.matrix[:3, 3], entry.mesh.faces.copy(), process=False
@@ -125,10 +129,10 @@ def in_own_size(explanation: Explanation, entry: Entry, frame: Frame) -> Explana
     return replace(explanation, placement=own, deformation=lambda model: own(model.points))
 
 
-def place_model(placement: Placement, entry: Entry, frame: Frame) -> PlacedModel:
+def place_model(placement: Placement, entry: Entry, frame: Frame, known: bool = False) -> PlacedModel:
     """Place the undeformed model: in its own size if that is the scan's, else in the size that fits."""
     size = placement.size * frame.scale / entry.frame.scale
-    own = bool(np.abs(size - 1.0).max() < OWN_SIZE)
+    own = not known and bool(np.abs(size - 1.0).max() < OWN_SIZE)
     fitted = replace(placement, size=placement.size / size) if own else placement
     inward = np.eye(4)
     inward[:3, :3] = entry.frame.rotation / entry.frame.scale

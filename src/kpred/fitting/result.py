@@ -193,7 +193,8 @@ def build_fit(
 
     def mesh_of(rank: int) -> trimesh.Trimesh:
         entry = context.database.entry(candidates[rank].model_id)
-        return place_mesh(in_own_size(deformed.explanations[order[rank]], entry, frame), entry, frame)
+        found = deformed.explanations[order[rank]]
+        return place_mesh(found if options.known else in_own_size(found, entry, frame), entry, frame)
 
     return Fit(
         mesh=placed.mesh,
