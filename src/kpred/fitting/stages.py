@@ -200,7 +200,7 @@ def _lacks_parts(scan: CleanScan, reading: Reading, context: Context, options: F
         return True
     frame = initial_frame(scan.points, reading, options.known)
     cloud = torch.from_numpy(frame.to_unit(scan.points)).float()
-    return lacks_parts(cloud, context.model, reading.category)
+    return lacks_parts(cloud, context.model, reading.category, options.known)
 
 
 def _visibility(candidates: Candidates, context: Context, options: FitOptions) -> Visibility:

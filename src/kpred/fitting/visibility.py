@@ -37,8 +37,10 @@ MIN_SIDE = 0.12
 BOX_NODES = 5
 """Nodes along each axis of a scan's box at which visibility is averaged."""
 
-WHOLE_BOX = 0.85
-"""Mean visibility of a scan's box from which on networks for whole scans encode it."""
+WHOLE_BOX, WHOLE_KNOWN_BOX = 0.85, 0.72
+"""Mean visibility of a scan's box from which on networks for whole scans encode it; where the box of the whole object is
+known, less is lost by taking a scan for whole, since its box is then not taken for the object's.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,17 +92,18 @@ def spread_confidence(keypoints: Float[Tensor, "keypoints 3"], confidence: Float
     return Visibility(seen.view(GRID_SIZE, GRID_SIZE, GRID_SIZE).numpy())
 
 
-def lacks_parts(scan: Float[Tensor, "scan 3"], model: Model, category: str) -> bool:
+def lacks_parts(scan: Float[Tensor, "scan 3"], model: Model, category: str, known: bool) -> bool:
     """Decide whether a scan lacks parts of its object, so that networks for partial scans should encode it.
 
     Args:
-        scan: in the unit box of what is seen (or of the whole, if known), y up, front +z.
+        scan: in the unit box of what is seen, or of the whole where that is `known`; y up, front +z.
     """
+    least = WHOLE_KNOWN_BOX if known else WHOLE_BOX
     low, high = np.quantile(scan.numpy(), [0.01, 0.99], axis=0)
     if (high - low).min() < MIN_SIDE * (high - low).max():
         return True
     if model.visibility is not None:
         found = model.visibility.grid(scan, BOX_NODES, torch.from_numpy(low).float(), torch.from_numpy(high).float())
-        return float(found.mean()) < WHOLE_BOX
+        return float(found.mean()) < least
     seen = observe(scan[None], model[category], partial=False)
-    return float((seen.confidence[0] / HALF_SEEN).clamp(max=1.0).mean()) < WHOLE_BOX
+    return float((seen.confidence[0] / HALF_SEEN).clamp(max=1.0).mean()) < least
