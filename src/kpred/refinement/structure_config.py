@@ -39,7 +39,7 @@ class StructureConfig:
     lean_gain: float = 3e-5
     thickness: float = 1.0
     unseen: float = 1.0
-    floor: float = 10.0
+    floor: float = 2.0
     robust: float = 20.0
 
     def quick(self) -> StructureConfig:
