@@ -30,6 +30,9 @@ FLOOR_DOUBT = 0.15
 STRAY = 0.2
 """Points farther than this from the other side are strays, or the other lacks them; how far says nothing; unit box."""
 
+UNSEEN_WEIGHT = 0.3
+"""Weight of what is unseen beside what is seen: where it is expected is a guess, above all where the box is one too."""
+
 MIN_SEEN = 0.2
 """Fraction of a surface that must be seen for its distances to count in full."""
 
@@ -61,7 +64,7 @@ class Distances:
     def log_error(self) -> float:
         """Logarithm of the error beyond the samples' spacing, of what is seen and unseen, with the noise of scans."""
         noise = NOISE**2 + FLOOR_DOUBT * self.floor
-        return float(np.log(max(self.bounded - self.floor, 0.0) + self.unseen + noise))
+        return float(np.log(max(self.bounded - self.floor, 0.0) + UNSEEN_WEIGHT * self.unseen + noise))
 
 
 def spacing(points: Float[np.ndarray, "points 3"]) -> float:
