@@ -38,8 +38,9 @@ BOX_NODES = 5
 """Nodes along each axis of a scan's box at which visibility is averaged."""
 
 WHOLE_BOX, WHOLE_KNOWN_BOX = 0.85, 0.72
-"""Mean visibility of a scan's box from which on networks for whole scans encode it; where the box of the whole object is
-known, less is lost by taking a scan for whole, since its box is then not taken for the object's.
+"""Mean visibility of a scan's box from which on networks for whole scans encode it.
+
+Where the box of the whole object is known, less is lost by taking a scan for whole.
 """
 
 
