@@ -18,7 +18,7 @@ from kpred.ops.typing import Float
 
 Step = Literal["none", "scale", "structure", "free", "paper"]
 
-COSTS: dict[Step, float] = {"none": 0.0, "scale": 0.1, "structure": 0.3, "free": 0.5, "paper": 0.0}
+COSTS: dict[Step, float] = {"none": 0.0, "scale": 0.08, "structure": 0.25, "free": 0.5, "paper": 0.0}
 """Fall of the log error that each step must bring beyond the undeformed model's (docs/deformation.md)."""
 
 NOISE = 0.012
