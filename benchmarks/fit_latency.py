@@ -25,11 +25,12 @@ import numpy as np
 import torch
 
 import kpred.ops.nearest as nearest
-from kpred.fitting import fit, refine
-from kpred.fitting.resources import bundled_database_path
+from kpred.fitting import fit
+from kpred.refinement import keypoints as refine
+from kpred.fitting.defaults import bundled_database_path
 from kpred.ops import sample_surface, unit_box_frame, weighted_sums
 from kpred.ops.nearest_cpu import nearest_brute
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 CASES = {
     "category given, frame found": {},

@@ -14,7 +14,7 @@ import kpred
 from kpred.database import build_database
 from kpred.ops import sample_surface
 from kpred.shapes import open_shapes
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("kpred-examples")
 meshes = folder / "my_tables"

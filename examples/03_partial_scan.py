@@ -12,7 +12,7 @@ import torch
 import kpred
 from kpred.ops import depth_scan, sample_surface
 from kpred.ops.nearest import nearest_neighbours
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)

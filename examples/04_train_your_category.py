@@ -12,7 +12,7 @@ from pathlib import Path
 from kpred import load_model
 from kpred.nn import ModelConfig
 from kpred.shapes import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.run import train
 

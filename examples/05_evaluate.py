@@ -12,7 +12,7 @@ from pathlib import Path
 from kpred import load_model
 from kpred.evaluation import evaluate, run_header, write_rows
 from kpred.shapes import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)

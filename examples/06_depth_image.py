@@ -13,10 +13,10 @@ import numpy as np
 from PIL import Image
 
 import kpred
-from kpred.fitting.overlay import save_overlay
+from kpred.rendering.overlay import save_overlay
 from kpred.shapes import Camera, read_depth, read_mask, scan_depth, write_depth
 from kpred.shapes.render import render_faces
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)

@@ -14,11 +14,11 @@ import numpy as np
 import torch
 import trimesh
 
-from kpred.fitting.scene import fit_scene
+from kpred.fitting.fit_scene import fit_scene
 from kpred.ops import sample_surface
-from kpred.shapes.scene import read_scene
-from kpred.shapes.scene_objects import objects_of
-from kpred.shapes.synthetic.generator import generate
+from kpred.scenes.objects import objects_of
+from kpred.scenes.scene import read_scene
+from kpred.synthetic.generator import generate
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)

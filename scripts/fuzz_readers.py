@@ -27,6 +27,8 @@ import trimesh
 from PIL import Image
 
 from kpred.errors import KpredError
+from kpred.scenes.objects import objects_of
+from kpred.scenes.scene import read_scene
 from kpred.shapes.depth import read_depth, read_mask
 from kpred.shapes.intrinsics_file import read_intrinsics_file
 from kpred.shapes.manifest import read_manifest
@@ -35,9 +37,7 @@ from kpred.shapes.mesh_io import read_mesh, write_mesh
 from kpred.shapes.pack import MeshPack
 from kpred.shapes.pose_file import read_pose
 from kpred.shapes.scan import read_scan
-from kpred.shapes.scene import read_scene
-from kpred.shapes.scene_objects import objects_of
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 SECONDS = 10.0
 """Time of one input beyond which it counts as a hang."""

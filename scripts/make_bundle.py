@@ -23,7 +23,7 @@ from kpred.database import Database, build_database
 from kpred.nn import load_model, load_network, load_recognizer, save_network, save_recognizer
 from kpred.ops import depth_scan
 from kpred.shapes import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 CATEGORIES = ("chair", "table", "cabinet")
 BUNDLED = Path(__file__).resolve().parents[1] / "src" / "kpred" / "bundled"

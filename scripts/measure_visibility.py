@@ -4,7 +4,7 @@
 
 Scans of each shape are whole, cut by planes, one depth view, and merged views, in the known unit box. The table shows
 mean probabilities on surfaces that are seen and hidden, the fraction of misread scans, the areas under the ROC curves
-and the calibration error; see `kpred.evaluation.visibility`.
+and the calibration error; see `kpred.evaluation.metrics.visibility`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import torch
 
-from kpred.evaluation.visibility import as_values, measure_visibility
+from kpred.evaluation.metrics.visibility import as_values, measure_visibility
 from kpred.nn import load_visibility
 from kpred.nn.loading import VISIBILITY, bundled_model_path
 from kpred.shapes.pack import MeshPack

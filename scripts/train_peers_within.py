@@ -19,11 +19,8 @@ from typing import Any
 
 import torch
 
-from kpred.nn.peers.loading import PEERS
-from kpred.shapes.pack import MeshPack
-from kpred.training.config import StageConfig
-from kpred.training.loop import optimise
-from kpred.training.peers.config import (
+from kpred.peers.networks.loading import PEERS
+from kpred.peers.training.config import (
     KeypointDeformerTraining,
     NeuralCagesTraining,
     PeerTraining,
@@ -31,7 +28,10 @@ from kpred.training.peers.config import (
     URedTraining,
     Uy2021Training,
 )
-from kpred.training.peers.run import Prepared, keep, prepare_peer, run_peer
+from kpred.peers.training.run import Prepared, keep, prepare_peer, run_peer
+from kpred.shapes.pack import MeshPack
+from kpred.training.config import StageConfig
+from kpred.training.loop import optimise
 
 NEVER = 10**9
 

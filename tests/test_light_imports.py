@@ -84,7 +84,7 @@ def test_import_loads_no_heavy_package(module: str) -> None:
 def test_the_public_face_is_complete() -> None:
     import kpred
 
-    assert kpred.fit.__module__ == "kpred.fitting.fit_scan"
+    assert kpred.fit.__module__ == "kpred.fitting.pipeline"
     for name in kpred.__all__:
         assert getattr(kpred, name) is not None
     assert set(kpred.__all__) <= set(dir(kpred))

@@ -41,7 +41,7 @@ __all__ = [
 _HOME = {
     "Database": "kpred.database",
     "Fit": "kpred.fitting",
-    "fit": "kpred.fitting.fit_scan",  # the function: the package has a module of this name too
+    "fit": "kpred.fitting.pipeline",  # the function: the package has a module of this name too
     "fit_many": "kpred.batch",
     "load_model": "kpred.nn",
     "read_mesh": "kpred.shapes",

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from kpred.batch import BatchSettings, fit_many
-from kpred.batch.crew import ProcessCrew
-from kpred.batch.ledger import Ledger
+from kpred.batch.journal import Ledger
 from kpred.batch.run import _Batch
 from kpred.batch.task import Task, read_tasks
 from kpred.batch.worker import Outcome
+from kpred.batch.worker_pool import ProcessCrew
 from kpred.errors import ConfigError, ManifestError
 from kpred.nn import ModelConfig, save_network
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.run import new_network
 
 
@@ -240,7 +240,7 @@ def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
     folder = str(Path(__file__).parent)
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("PYTHONPATH", folder)
-    monkeypatch.setattr("kpred.batch.crew.fit_tasks", import_module("killing_worker").killing_fit)
+    monkeypatch.setattr("kpred.batch.worker_pool.fit_tasks", import_module("killing_worker").killing_fit)
     out = tmp_path / "out"
     with Ledger(out, {}) as ledger:
         crew = ProcessCrew(1, settings, str(out))
@@ -272,8 +272,8 @@ def test_networks_on_a_device_find_the_same(place, settings, whole, tmp_path):
 def test_scans_that_are_read_together_are_fitted_as_each_alone(tmp_path, monkeypatch):
     from kpred.batch.worker import fit_task, fit_tasks
     from kpred.bench.fits import scans
-    from kpred.fitting.observation import EncodedAhead
-    from kpred.fitting.resources import as_model
+    from kpred.fitting.defaults import as_model
+    from kpred.fitting.encoding import EncodedAhead
 
     chosen = BatchSettings(category="chair", frame="known")
     for number, cloud in enumerate(scans(as_model(None), 9)["chair"]):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kpred.batch import BatchSettings
-from kpred.batch.ledger import Ledger
+from kpred.batch.journal import Ledger
 from kpred.batch.run import _Batch
 from kpred.batch.task import Task
 from kpred.errors import ConfigError
@@ -19,7 +19,7 @@ def test_no_cluster_is_told(tmp_path, monkeypatch):
     # Another test may have a cluster of its own on this machine meanwhile.
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    from kpred.batch.ray_crew import RayCrew
+    from kpred.batch.ray_pool import RayCrew
 
     with pytest.raises(ConfigError, match="No Ray cluster"):
         RayCrew("auto", 1, BatchSettings(), str(tmp_path))
@@ -27,7 +27,7 @@ def test_no_cluster_is_told(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path):
-    from kpred.batch.ray_crew import RayCrew
+    from kpred.batch.ray_pool import RayCrew
 
     rng = np.random.default_rng(0)
     tasks = []

@@ -7,7 +7,7 @@ import torch
 from kpred.bench.device import Sizes, fit_rates, record_of, training_step
 from kpred.bench.traffic import Peaks
 from kpred.nn import STAGES, ModelConfig
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import prepare
 from kpred.training.run import new_network

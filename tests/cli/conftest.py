@@ -11,7 +11,7 @@ import trimesh
 
 from kpred.cli.main import FAILED, OK, main
 from kpred.nn import ModelConfig, save_network
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.run import new_network
 
 Run = Callable[..., Any]

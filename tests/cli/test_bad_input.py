@@ -20,9 +20,10 @@ import torch
 import trimesh
 
 from kpred.cli.main import FAILED, INTERRUPTED, OK, main
-from kpred.database import Database, sqlite_home
+from kpred.database import Database
+from kpred.database import sqlite as sqlite_home
 from kpred.errors import KpredError
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.checkpoint import Checkpoint
 
 Run = Callable[..., Any]
@@ -580,11 +581,11 @@ def test_the_files_of_a_fit_come_together_or_not_at_all(
     def fail(*arguments: object, **options: object) -> None:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr("kpred.fitting.picture.save_picture", draw)
+    monkeypatch.setattr("kpred.rendering.picture.save_picture", draw)
     place = {
         "record": "pathlib.Path.write_text",
         "picture": "shutil.copyfile",
-        "mesh": "kpred.shapes.atomic.os.replace",
+        "mesh": "kpred.atomic.os.replace",
     }
     monkeypatch.setattr(place[broken], fail)
     using = ["--model", files / "model", "--database", files / "tables.kpred", "--deform", "paper", "--json"]

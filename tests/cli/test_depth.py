@@ -17,12 +17,12 @@ from kpred.cli.main import OK, main
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.errors import KpredError, ScanError
-from kpred.fitting import fit_scan
+from kpred.fitting import pipeline as fit_scan
 from kpred.nn import ModelConfig, save_network
 from kpred.shapes.camera import Camera
 from kpred.shapes.depth import write_depth
 from kpred.shapes.render import render_faces
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.run import new_network
 
 PLACE = np.array([2.0, 0.5, -1.0])
@@ -149,7 +149,7 @@ def test_all_files_are_written_or_none(
             raise OSError(28, os.strerror(28))
         replace(source, target)
 
-    monkeypatch.setattr("kpred.shapes.atomic.os.replace", stubborn)
+    monkeypatch.setattr("kpred.atomic.os.replace", stubborn)
     before = json.dumps({"kpred": "the one before"})
     (tmp_path / "t.json").write_text(before)
     words = [*line, "-o", tmp_path / "t.obj", "--mask", room / "ids0.png", "--mask-id", 5]

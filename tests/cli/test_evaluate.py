@@ -12,7 +12,7 @@ from PIL import Image
 
 from kpred.cli.main import FAILED, OK, USAGE, main
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 Run = Callable[..., Any]
 

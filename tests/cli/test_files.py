@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 Run = Callable[..., Any]
 
@@ -106,7 +106,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("kpred.shapes.atomic.os.replace", full)
+    monkeypatch.setattr("kpred.atomic.os.replace", full)
     using = ["--model", files / "model", "--database", files / "tables.kpred", "--no-picture"]
     sentence = refusal("fit", files / "scan.ply", "-o", tmp_path / "fit.obj", *using)
     assert "fit.obj" in sentence

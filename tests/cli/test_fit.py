@@ -12,10 +12,10 @@ import trimesh
 
 from kpred.cli.main import FAILED, OK, USAGE, main
 from kpred.errors import ScanError
-from kpred.fitting import fit_scan
-from kpred.fitting.clean_config import CleanConfig
-from kpred.fitting.refine_config import Deform, RefineConfig
+from kpred.fitting import pipeline as fit_scan
 from kpred.fitting.result import Fit
+from kpred.preprocessing.config import CleanConfig
+from kpred.refinement.config import Deform, RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 
 Run = Callable[..., Any]

@@ -46,7 +46,7 @@ def test_no_command_prints_a_password(
 
 
 def test_a_batch_stores_no_password_and_goes_on_with_another(tmp_path: Path) -> None:
-    from kpred.batch.ledger import Ledger
+    from kpred.batch.journal import Ledger
     from kpred.batch.worker import BatchSettings
 
     def job(word: str) -> dict[str, object]:

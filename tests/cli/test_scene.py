@@ -12,11 +12,11 @@ import trimesh
 
 from kpred.cli import main as cli
 from kpred.cli.main import FAILED, OK, main
-from kpred.fitting import scene as scene_module
+from kpred.fitting import fit_scene as scene_module
 from kpred.fitting.result import Fit
 from kpred.nn import ModelConfig, save_network
-from kpred.shapes.scan2cad import read_annotations
-from kpred.shapes.synthetic.generator import generate
+from kpred.scenes.scan2cad import read_annotations
+from kpred.synthetic.generator import generate
 from kpred.training.run import new_network
 
 
@@ -143,7 +143,7 @@ def test_all_files_are_written_or_none(
             raise OSError(28, os.strerror(28))
         move(source, target)
 
-    monkeypatch.setattr("kpred.shapes.atomic.os.replace", stubborn)
+    monkeypatch.setattr("kpred.atomic.os.replace", stubborn)
     assert main(words(files, tmp_path / "scene.glb", "boxes.json", "--no-picture")) == FAILED
     assert f"{tmp_path / broken}: No space left on device" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

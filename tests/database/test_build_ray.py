@@ -9,7 +9,7 @@ import torch
 from kpred.database import Database, build_database
 from kpred.errors import ConfigError
 from kpred.nn import KPRed, Model, ModelConfig, save_network
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install 'kpred[ray]'")
 

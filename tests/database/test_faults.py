@@ -99,7 +99,8 @@ def test_a_copy_to_itself_and_of_other_weights_is_refused(path, tmp_path, random
 
 
 KILLED_TABLE = """
-    from kpred.database import Database, sqlite_home, token_file
+    from kpred.database import Database, token_file
+    from kpred.database import sqlite as sqlite_home
     sqlite_home.LARGE = 20
     fill = token_file._fill
     def killed(*arguments):
@@ -116,7 +117,7 @@ def test_killed_while_making_a_token_file(path, random_entry, monkeypatch):
     left = [file for file in path.parent.iterdir() if file != path]
     assert [file.name.startswith(".many.kpred.") for file in left] == [True]
     os.utime(left[0], (1, 1))  # an hour later
-    monkeypatch.setattr("kpred.database.sqlite_home.LARGE", 20)
+    monkeypatch.setattr("kpred.database.sqlite.LARGE", 20)
     with Database.open(path) as database:
         tokens = np.stack([random_entry(name).tokens for name in names()])
         query = random_entry("query").tokens
@@ -158,7 +159,8 @@ def test_two_write_to_one_file(path, random_entry, assert_same):
 
 FULL = """
     import json, shutil, subprocess, warnings
-    from kpred.database import Database, copy_database, sqlite_home
+    from kpred.database import Database, copy_database
+    from kpred.database import sqlite as sqlite_home
     from kpred.errors import DatabaseError
     source, disk = sys.argv[1:]
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", disk], check=True)
@@ -245,7 +247,7 @@ def test_the_server_is_restarted_in_the_middle_of_a_build(server, address, tmp_p
 
 
 def test_the_token_file_s_own_names_do_not_clash(path, monkeypatch):
-    monkeypatch.setattr("kpred.database.sqlite_home.LARGE", 1)
+    monkeypatch.setattr("kpred.database.sqlite.LARGE", 1)
     with Database.open(path) as database:
         database.prepare_search()
     kinds = {open_table(path.with_name(f"{path.name}.tokens-{number}")).key.category for number in (1, 2)}

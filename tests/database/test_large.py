@@ -5,7 +5,8 @@ import shutil
 import numpy as np
 import pytest
 
-from kpred.database import Database, sqlite_home
+from kpred.database import Database
+from kpred.database import sqlite as sqlite_home
 from kpred.database.search import reference_search
 from kpred.database.token_file import open_table
 

@@ -10,7 +10,7 @@ from kpred.nn import load_model
 from kpred.shapes.helper_parts import helper_part
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.source import Shape
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 
 @pytest.fixture(scope="module")

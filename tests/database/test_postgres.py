@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kpred.database import Database, postgres_home, update_database
+from kpred.database import Database, update_database
+from kpred.database import postgres as postgres_home
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
 
@@ -138,7 +139,7 @@ from kpred.database import Database
 with Database.open(sys.argv[1]) as database:
     database.add([random_entry("kept")])
     with database._transaction(write=True) as connection:
-        from kpred.database.stored import insert_stored, stored
+        from kpred.database.records import insert_stored, stored
         insert_stored(connection, stored(random_entry("lost"), ""))
         os.kill(os.getpid(), 9)
 """

@@ -15,7 +15,7 @@ from kpred.database.arrays import pack_array
 from kpred.database.point_faces import faces_of_points
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed, ModelConfig
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 MODELS = 4
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from kpred.nn import Model, ModelConfig
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.run import new_network
 
 

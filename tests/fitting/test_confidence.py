@@ -9,13 +9,13 @@ import torch
 import trimesh
 
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.cleaning import CleaningStep
 from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
 from kpred.fitting.deform import Explanation
 from kpred.fitting.hypotheses import Hypothesis
-from kpred.fitting.upright import yaw_rotation
 from kpred.fitting.warnings import floor_gap, warnings_of
 from kpred.ops.frames import Frame
+from kpred.ops.rotations import yaw_rotation
+from kpred.preprocessing.clean import CleaningStep
 from kpred.refinement.placement import Placement
 from kpred.refinement.score import Distances, Step
 from kpred.refinement.structure_basis import structure_basis

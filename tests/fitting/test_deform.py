@@ -12,7 +12,7 @@ import kpred
 from kpred.database import build_database
 from kpred.errors import DatabaseError
 from kpred.fitting import Fit
-from kpred.fitting.resources import as_database, as_model
+from kpred.fitting.defaults import as_database, as_model
 from kpred.ops import sample_surface
 from kpred.shapes.mesh import Mesh
 

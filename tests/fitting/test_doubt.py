@@ -7,7 +7,7 @@ import torch
 import kpred
 from kpred.ops import sample_surface
 from kpred.shapes.mesh import Mesh
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 
 def _surface(mesh: Mesh, count: int = 2048) -> np.ndarray:

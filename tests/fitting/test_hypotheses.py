@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from kpred.errors import ConfigError
+from kpred.fitting.defaults import as_database, as_model
 from kpred.fitting.hypotheses import Search, hypotheses
-from kpred.fitting.placement import check_known_frame, placements
-from kpred.fitting.recognise import Reading
-from kpred.fitting.resources import as_database, as_model
 from kpred.fitting.stages import MAX_READINGS, ODDS_RANGE, worth_trying
 from kpred.ops import sample_surface
-from kpred.shapes.synthetic.generator import generate
+from kpred.pose.proposals import check_known_frame, placements
+from kpred.pose.recognition import Reading
+from kpred.synthetic.generator import generate
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 import kpred
 from kpred.database import Entry
 from kpred.fitting.candidates import Candidates
+from kpred.fitting.defaults import as_database, as_model
 from kpred.fitting.deform import ModelPoints, deform_candidates
-from kpred.fitting.resources import as_database, as_model
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.visibility import GRID_SIZE, REACH, Visibility
 from kpred.ops import depth_scan, sample_surface

@@ -19,7 +19,7 @@ from kpred.nn.loading import bundled_model_path
 from kpred.nn.visibility import QUERY_RANGE, SCAN_POINTS, robust_box
 from kpred.ops.sampling import sample_surface
 from kpred.ops.trilinear import interpolate_grid
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 CONFIG = VisibilityConfig(width=16, blocks=1)
 LOW, HIGH = torch.tensor([-1.0, -2.0, 0.0]), torch.tensor([1.0, 0.5, 3.0])

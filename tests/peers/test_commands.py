@@ -10,12 +10,12 @@ import torch
 
 from kpred.cli.main import FAILED, OK, USAGE, main
 from kpred.evaluation.methods import Sources
-from kpred.evaluation.methods.cage_peers import KeypointDeformerMethod, NeuralCagesMethod
-from kpred.evaluation.methods.peers import peer_method
 from kpred.fitting import RefineConfig
-from kpred.nn.peers import PEERS, load_peers
+from kpred.peers.methods.cage_peers import KeypointDeformerMethod, NeuralCagesMethod
+from kpred.peers.methods.peers import peer_method
+from kpred.peers.networks import PEERS, load_peers
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 SHORT = ["--optimisation.steps", "3", "--optimisation.batch", "2", "--points", "96"]
 NAMES = {"keypoint-deformer": "kd", "neural-cages": "nc", "uy2021": "uy", "u-red": "ur", "shapeflow": "sf"}
@@ -24,7 +24,7 @@ NAMES = {"keypoint-deformer": "kd", "neural-cages": "nc", "uy2021": "uy", "u-red
 @pytest.fixture(autouse=True)
 def short_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """ShapeFlow looks for a target's code for a moment only."""
-    monkeypatch.setattr("kpred.evaluation.methods.flow_peer.STEPS", 3)
+    monkeypatch.setattr("kpred.peers.methods.flow_peer.STEPS", 3)
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from kpred.nn.peers import NeuralCages, NeuralCagesConfig, PartBoxes, ShapeFlow, ShapeFlowConfig, URed, URedConfig
-from kpred.nn.peers.part_attention import STEP, PartAttention
 from kpred.ops.mean_value import mean_value_reference
-from kpred.training.peers.neural_cages import normal_change
-from kpred.training.peers.u_red import residual_error
+from kpred.peers.networks import NeuralCages, NeuralCagesConfig, PartBoxes, ShapeFlow, ShapeFlowConfig, URed, URedConfig
+from kpred.peers.networks.part_attention import STEP, PartAttention
+from kpred.peers.training.neural_cages import normal_change
+from kpred.peers.training.u_red import residual_error
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from kpred.nn.peers.part_boxes import PartBoxes, contacts
+from kpred.peers.networks.part_boxes import PartBoxes, contacts
 
 TOP, LEFT, RIGHT = 0, 1, 2
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from kpred.errors import CheckpointError, ModelError, PackError
-from kpred.nn.peers import (
+from kpred.peers.networks import (
     PEERS,
     KeypointDeformerConfig,
     NeuralCagesConfig,
@@ -20,19 +20,19 @@ from kpred.nn.peers import (
     load_peer,
     load_peers,
 )
-from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
-from kpred.training.checkpoint import Checkpoint
-from kpred.training.config import StageConfig
-from kpred.training.peers.config import (
+from kpred.peers.training.config import (
     KeypointDeformerTraining,
     NeuralCagesTraining,
     ShapeFlowTraining,
     URedTraining,
     Uy2021Training,
 )
-from kpred.training.peers.part_sources import read_part_sources
-from kpred.training.peers.run import keep, prepare_peer, train_peer
+from kpred.peers.training.part_sources import read_part_sources
+from kpred.peers.training.run import keep, prepare_peer, train_peer
+from kpred.shapes.pack import MeshPack
+from kpred.synthetic.generator import generate
+from kpred.training.checkpoint import Checkpoint
+from kpred.training.config import StageConfig
 
 SHORT = StageConfig(steps=5, batch=2)
 FEW = {"optimisation": SHORT, "points": 96, "checkpoint_every": 2}
@@ -167,7 +167,7 @@ def test_training_needs_only_torch_numpy_and_safetensors() -> None:
         "        if name.partition('.')[0] in 'trimesh scipy numba sqlalchemy jaxtyping rich tyro'.split():\n"
         "            raise ModuleNotFoundError(name, name=name)\n"
         "sys.meta_path.insert(0, Hide())\n"
-        "import kpred.training.peers.run\n"
+        "import kpred.peers.training.run\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

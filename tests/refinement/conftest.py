@@ -16,9 +16,9 @@ from kpred.refinement.structure_fit import Evidence, StructureMap, StructureMode
 from kpred.shapes.structure import Structure
 from kpred.shapes.structure.analyse import find_structure
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
-from kpred.shapes.synthetic.assembly import assemble
-from kpred.shapes.synthetic.part import Part
-from kpred.shapes.synthetic.parts import beam, box, curved_panel, cylinder
+from kpred.synthetic.assembly import assemble
+from kpred.synthetic.part import Part
+from kpred.synthetic.parts import beam, box, curved_panel, cylinder
 
 Visible = Callable[[np.ndarray], np.ndarray]
 

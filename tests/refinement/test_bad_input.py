@@ -6,7 +6,7 @@ import trimesh
 
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_fit import StructureMap
-from kpred.shapes.synthetic.parts import box
+from kpred.synthetic.parts import box
 
 
 def union(meshes):

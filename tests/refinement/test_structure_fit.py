@@ -9,10 +9,10 @@ from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.structure.cleanliness import measure_cleanliness, thickness_ratios
 from kpred.shapes.structure.part_maps import fit_part_maps, measure_shears, own_extents
-from kpred.shapes.synthetic.assembly import assemble
-from kpred.shapes.synthetic.generator import FAMILIES
-from kpred.shapes.synthetic.generator import build as furniture
-from kpred.shapes.synthetic.parts import box
+from kpred.synthetic.assembly import assemble
+from kpred.synthetic.generator import FAMILIES
+from kpred.synthetic.generator import build as furniture
+from kpred.synthetic.parts import box
 
 SIZE, SHIFT = np.array([1.2, 0.85, 0.9]), np.array([0.03, -0.02, 0.05])
 ALONG_AXES = ["table", "chair", "shelf", "round table", "curved chair"]

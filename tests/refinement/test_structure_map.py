@@ -8,7 +8,7 @@ from kpred.refinement.structure_basis import KINDS
 from kpred.refinement.structure_cpu import bound_growth
 from kpred.refinement.structure_fit import StructureMap
 from kpred.shapes.structure.cleanliness import thickness_ratios
-from kpred.shapes.synthetic.parts import box, curved_panel, cylinder
+from kpred.synthetic.parts import box, curved_panel, cylinder
 
 MOVE, GROW, LEAN, BEND = range(KINDS)
 

@@ -21,7 +21,7 @@ from kpred.shapes.depth_camera import depth_camera
 from kpred.shapes.intrinsics_file import IntrinsicsFile
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.render import render_depth, render_faces
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 
 def looking(eye: np.ndarray | list[float], at: np.ndarray | list[float], size: tuple[int, int] = (160, 120)) -> Camera:

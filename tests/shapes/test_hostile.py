@@ -16,16 +16,16 @@ import pytest
 from PIL import Image
 
 from kpred.errors import KpredError, PackError, ScanError
+from kpred.scenes.objects import objects_of
+from kpred.scenes.scene import Scene, read_scene
 from kpred.shapes.depth import DEPTH_EXTENSIONS, read_depth, read_mask
+from kpred.shapes.formats.keyed_content import EXTENSIONS
 from kpred.shapes.intrinsics_file import read_intrinsics_file
-from kpred.shapes.keyed_content import EXTENSIONS
 from kpred.shapes.manifest import read_manifest
 from kpred.shapes.mesh_io import MESH_EXTENSIONS, read_mesh
 from kpred.shapes.pack import MeshPack
 from kpred.shapes.pose_file import read_pose
 from kpred.shapes.scan import SCAN_EXTENSIONS, read_scan
-from kpred.shapes.scene import Scene, read_scene
-from kpred.shapes.scene_objects import objects_of
 
 SCENE = Scene(np.random.default_rng(0).normal(size=(1616, 3)))
 READERS: dict[Callable[[Path], Any], tuple[str, ...]] = {

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kpred.errors import MeshError, OutputError
+from kpred.shapes.formats.polygon import split_polygon, split_quads
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS, read_geometry, read_mesh, write_mesh
-from kpred.shapes.polygon import split_polygon, split_quads
 
 
 def corners(mesh: Mesh) -> np.ndarray:

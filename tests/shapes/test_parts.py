@@ -6,7 +6,7 @@ import trimesh
 
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.parts import part_labels
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 
 def _boxes(places: list[tuple[float, float, float]], sizes: list[float]) -> Mesh:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kpred.errors import ConfigError, ScanError
-from kpred.shapes.lzf import decompress_lzf
+from kpred.shapes.formats.lzf import decompress_lzf
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.mesh_io import write_mesh
 from kpred.shapes.scan import SURFACE_SAMPLES, ScanWarning, check_points, read_scan

@@ -9,7 +9,7 @@ import torch
 
 from kpred.nn import KPRed, ModelConfig
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData, prepare
 from kpred.training.run import new_network

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import torch
 
-from kpred.fitting.upright import yaw_rotation
 from kpred.ops import sample_surface
+from kpred.ops.rotations import yaw_rotation
 from kpred.training.augmentation import (
     box_of,
     disturbed,

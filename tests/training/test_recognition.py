@@ -11,7 +11,7 @@ import torch
 from kpred.errors import CheckpointError, ConfigError, PackError
 from kpred.nn import Recognizer, RecognizerConfig, load_recognizer
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig
 from kpred.training.recognition import RIGHT, WRONG, RecognitionStage, smallest_turn, train_recognizer
 from kpred.training.recognition_config import RecognitionConfig

@@ -10,7 +10,7 @@ import torch
 from kpred.errors import CheckpointError, ConfigError, PackError
 from kpred.nn import VisibilityConfig, load_visibility
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig
 from kpred.training.visibility import draw_batch, train_visibility
 from kpred.training.visibility_config import VisibilityTraining

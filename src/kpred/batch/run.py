@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from kpred.batch.crew import Crew, ProcessCrew
-from kpred.batch.ledger import Ledger
+from kpred.batch.journal import Ledger
 from kpred.batch.task import Task, other_files, read_tasks
 from kpred.batch.worker import BatchSettings, Outcome
+from kpred.batch.worker_pool import Crew, ProcessCrew
 from kpred.errors import ConfigError
 
 _WAITING = 2
@@ -54,7 +54,7 @@ def fit_many(
     gpus: float = 0.0,
     progress: Callable[[BatchReport], None] | None = None,
 ) -> BatchReport:
-    """Fit all scans of a folder or Parquet manifest into the folder `out` (see `kpred.batch.ledger` for its layout).
+    """Fit all scans of a folder or Parquet manifest into the folder `out` (see `kpred.batch.journal` for its layout).
 
     A run that was stopped or killed goes on where it was when it is started again with the same arguments. Scans that
     failed are tried again by the next run. What may have been an accident (a dead worker, a full disk) is tried
@@ -196,7 +196,7 @@ def _absolute(settings: BatchSettings) -> BatchSettings:
 
 def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: str, gpus: float) -> Crew:
     if ray is not None:
-        from kpred.batch.ray_crew import RayCrew
+        from kpred.batch.ray_pool import RayCrew
 
         return RayCrew(ray, workers, settings, out, gpus)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -205,7 +205,7 @@ def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: st
 
 def _check_resources(settings: BatchSettings) -> None:
     """What would fail for every scan is told before the first."""
-    from kpred.fitting.resources import as_database, as_model, shared_categories
+    from kpred.fitting.defaults import as_database, as_model, shared_categories
     from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
 
     if settings.mesh and settings.mesh not in OUTPUT_EXTENSIONS:

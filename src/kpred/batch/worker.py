@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from kpred.batch.task import Task
 from kpred.batch.time_limit import time_limit
 from kpred.database.address import without_password
-from kpred.fitting.refine_config import Deform
+from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
     import numpy as np
@@ -102,9 +102,9 @@ def fit_task(
 
     `device`: where the networks run; all else is the CPU's.
     """
+    from kpred.atomic import write_together
     from kpred.errors import KpredError, OutputError, ScanError
-    from kpred.fitting.fit_scan import fit
-    from kpred.shapes.atomic import write_together
+    from kpred.fitting.pipeline import fit
     from kpred.shapes.mesh_io import write_mesh
 
     if task.path is None or task.problem:
@@ -161,8 +161,8 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
     import torch
 
     from kpred.errors import KpredError
-    from kpred.fitting.observation import EncodedAhead
-    from kpred.fitting.resources import as_model
+    from kpred.fitting.defaults import as_model
+    from kpred.fitting.encoding import EncodedAhead
     from kpred.fitting.stages import SCAN_POINTS, read_points
     from kpred.shapes.scan import read_scan
 

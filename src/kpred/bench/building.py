@@ -15,7 +15,7 @@ from kpred.database.encode import prepare_mesh
 from kpred.nn import Model, preset
 from kpred.ops import icosphere
 from kpred.ops.mean_value import mean_value_reference
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import prepare
 from kpred.training.run import new_network

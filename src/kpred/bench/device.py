@@ -10,12 +10,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from kpred.bench.batched import ModelTable, ScanBatch
 from kpred.bench.traffic import Cost, Peaks, cost_of, peaks, times
-from kpred.fitting.batched import ModelTable, ScanBatch
-from kpred.fitting.refine_config import RefineConfig
 from kpred.nn import STAGES, KPRed, load_model, preset
+from kpred.refinement.config import RefineConfig
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 from kpred.training.config import PAPER, TrainConfig
 from kpred.training.data import TrainingData, prepare
 from kpred.training.run import new_network

@@ -11,13 +11,13 @@ import torch
 
 from kpred.bench.figure import Figure, seconds, timed_figure
 from kpred.database import Database, build_database
-from kpred.fitting.fit_scan import fit
+from kpred.fitting.pipeline import fit
 from kpred.nn import Model
 from kpred.ops import icosphere, sample_surface, unit_box_frame
 from kpred.ops.mean_value import mean_value_reference
 from kpred.ops.nearest import nearest_neighbours
 from kpred.shapes.source import Shape
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 POINTS = 2048
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from kpred.atomic import atomic_path
 from kpred.bench.searching import Point
-from kpred.shapes.atomic import atomic_path
 
 
 def save_scaling_plot(curve: Sequence[Point], file: Path) -> None:

@@ -13,10 +13,10 @@ from sqlalchemy import text
 from kpred.bench.figure import Figure, load, seconds, timed_figure
 from kpred.bench.searching import base_tokens, synthetic_tokens
 from kpred.database import Database
-from kpred.database.postgres_home import PostgresHome, ServerIndex
+from kpred.database.postgres import PostgresHome, ServerIndex
+from kpred.database.records import StoredModel
 from kpred.database.rows import count_tokens
 from kpred.database.search import TokenIndex
-from kpred.database.stored import StoredModel
 from kpred.errors import ConfigError
 
 _PART = 500

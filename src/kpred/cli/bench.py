@@ -68,10 +68,10 @@ class BenchCommand(Command):
         """Measure, print, write."""
         import json
 
+        from kpred.atomic import atomic_path, check_place
         from kpred.bench.figure import load, machine
         from kpred.cli.devices import limit_threads
         from kpred.cli.progress import ProgressBar
-        from kpred.shapes.atomic import atomic_path, check_place
 
         self._check()
         for file in (self.output, self.plot):

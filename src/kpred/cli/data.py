@@ -45,9 +45,9 @@ class GenerateCommand(Command):
 
     def run(self, output: Output) -> None:
         """Generate, write, print the numbers."""
+        from kpred.atomic import check_place
         from kpred.errors import OutputError
-        from kpred.shapes.atomic import check_place
-        from kpred.shapes.synthetic.generator import generate
+        from kpred.synthetic.generator import generate
 
         if self.output.suffix.lower() != ".npz":
             raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")

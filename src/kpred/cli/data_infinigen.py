@@ -43,10 +43,10 @@ class InfinigenCommand(Command):
 
     def run(self, output: Output) -> None:
         """Make with a progress bar, write, print the numbers."""
+        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
+        from kpred.datasets.infinigen import generate_infinigen
         from kpred.errors import OutputError
-        from kpred.shapes.atomic import check_place
-        from kpred.shapes.infinigen import generate_infinigen
 
         if self.output.suffix.lower() != ".npz":
             raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")

@@ -13,7 +13,7 @@ from kpred.cli.command import Command
 from kpred.cli.output import Output
 
 if TYPE_CHECKING:
-    from kpred.shapes.datasets import Dataset, Lack
+    from kpred.datasets import Dataset, Lack
 
 Kind = Literal["auto", "shapenet", "scan2cad", "modelnet", "packs", "folder"]
 
@@ -40,7 +40,7 @@ class _DatasetCommand(Command):
 
     def dataset(self) -> Dataset:
         """The data set that the options name."""
-        from kpred.shapes.datasets import open_dataset
+        from kpred.datasets import open_dataset
 
         return open_dataset(
             self.path,
@@ -105,7 +105,7 @@ class PrepareCommand(_DatasetCommand):
     def run(self, output: Output) -> None:
         """Read with a progress bar, print the numbers and what was left out."""
         from kpred.cli.progress import ProgressBar
-        from kpred.shapes.datasets import prepare_dataset
+        from kpred.datasets import prepare_dataset
 
         try:
             with ProgressBar() as bar:

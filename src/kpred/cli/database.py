@@ -96,7 +96,7 @@ class SearchCommand(Command):
     def run(self, output: Output) -> None:
         """Search and print the models."""
         from kpred.database import Database
-        from kpred.fitting.fit_scan import fit
+        from kpred.fitting.pipeline import fit
         from kpred.nn import load_model
         from kpred.shapes import read_scan
 

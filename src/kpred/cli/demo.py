@@ -31,7 +31,7 @@ class DemoCommand(Command):
         from kpred.cli.fit_files import describe, write_files
         from kpred.errors import OutputError
         from kpred.fitting import sample_scan
-        from kpred.fitting.fit_scan import fit
+        from kpred.fitting.pipeline import fit
         from kpred.shapes import read_scan
 
         try:

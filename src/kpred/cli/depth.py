@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
-from kpred.fitting.refine_config import Deform
+from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
     from kpred.fitting import Fit
@@ -89,9 +89,9 @@ class FitDepthCommand(Command):
         from kpred.cli.fit_files import check_output, describe, write_files
         from kpred.database import Database
         from kpred.errors import OutputError
-        from kpred.fitting.fit_scan import fit
-        from kpred.fitting.overlay import save_overlay
+        from kpred.fitting.pipeline import fit
         from kpred.nn import load_model
+        from kpred.rendering.overlay import save_overlay
 
         for given, what in ((self.pose, "--pose"), (self.mask, "--mask")):
             if given and len(given) != len(self.depth):
@@ -151,7 +151,7 @@ class FitDepthCommand(Command):
         """The pictures' points in one cloud. Everything that can be wrong with the photograph is found here too."""
         import numpy as np
 
-        from kpred.fitting.overlay import read_photograph
+        from kpred.rendering.overlay import read_photograph
         from kpred.shapes.depth import merge_views, read_depth, read_mask, scan_depth
         from kpred.shapes.depth_camera import depth_camera
         from kpred.shapes.intrinsics_file import read_intrinsics_file

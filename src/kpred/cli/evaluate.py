@@ -60,11 +60,11 @@ class ShapesCommand(Command):
 
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write the rows."""
+        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation import evaluate, run_header, write_rows
-        from kpred.evaluation.rows import UNIT
+        from kpred.evaluation.tables.rows import UNIT
         from kpred.nn import load_model
-        from kpred.shapes.atomic import check_place
 
         if not self.packs:
             raise UsageError("no pack was named; try `kpred evaluate shapes FILE.npz`")

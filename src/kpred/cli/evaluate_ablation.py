@@ -15,7 +15,7 @@ from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, errors_of, la
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.table_data import Series, Table
+    from kpred.evaluation.tables.table_data import Series, Table
     from kpred.training.config import TrainConfig
 
 
@@ -81,9 +81,9 @@ class AblationCommand(PackTableCommand):
         """Train and measure with a progress bar, print and write."""
         from kpred.cli.devices import found_device, limit_threads
         from kpred.cli.progress import ProgressBar
-        from kpred.evaluation.ablation_table import make_ablation_table
-        from kpred.evaluation.measuring import SourcePack
-        from kpred.evaluation.tables import TableConfig
+        from kpred.evaluation.tables.ablation_table import make_ablation_table
+        from kpred.evaluation.tables.measuring import SourcePack
+        from kpred.evaluation.tables.tables import TableConfig
         from kpred.nn.config import preset
         from kpred.training.ablations import AblationRuns, recorded_training, rows_named
 
@@ -197,7 +197,7 @@ def _print_full(output: Output, table: Table, dataset: str, top_k: int) -> None:
 
 
 def _print_effects(output: Output, table: Table) -> None:
-    from kpred.evaluation.ablation_table import effects
+    from kpred.evaluation.tables.ablation_table import effects
 
     found = effects(table)
     if not found:

@@ -15,7 +15,7 @@ from kpred.cli.summary_table import SummaryTable
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.summary import Summary
+    from kpred.evaluation.metrics.summary import Summary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +58,11 @@ class CatalogueCommand(Command):
 
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
+        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
-        from kpred.evaluation.catalogue import CatalogueConfig, evaluate_catalogue
-        from kpred.evaluation.contact_sheet import check_picture, save_contact_sheet
-        from kpred.evaluation.summary import write_report
-        from kpred.shapes.atomic import check_place
+        from kpred.evaluation.metrics.summary import write_report
+        from kpred.evaluation.scans.catalogue import CatalogueConfig, evaluate_catalogue
+        from kpred.rendering.contact_sheet import check_picture, save_contact_sheet
 
         if self.tiles < 1:
             raise UsageError(f"--tiles must be at least 1, but is {self.tiles}")

@@ -39,10 +39,10 @@ class CompareCommand(Command):
 
     def run(self, output: Output) -> None:
         """Compare, print and write."""
-        from kpred.evaluation.compare import compare, settings_changed
-        from kpred.evaluation.summary import finite, write_report
-        from kpred.evaluation.table_data import read_table
-        from kpred.shapes.atomic import check_place
+        from kpred.atomic import check_place
+        from kpred.evaluation.metrics.summary import finite, write_report
+        from kpred.evaluation.tables.compare import compare, settings_changed
+        from kpred.evaluation.tables.table_data import read_table
 
         if self.output is not None:
             check_place(self.output)

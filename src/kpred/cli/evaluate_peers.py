@@ -55,12 +55,12 @@ class PeersCommand(Command):
 
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write the rows."""
+        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.header import versions
         from kpred.evaluation.methods import NoLearningMethod, UndeformedMethod, evaluate_methods
-        from kpred.evaluation.rows import FRAME, UNIT
-        from kpred.evaluation.summary import finite, write_report
-        from kpred.shapes.atomic import check_place
+        from kpred.evaluation.metrics.summary import finite, write_report
+        from kpred.evaluation.tables.rows import FRAME, UNIT
 
         if not self.packs:
             raise UsageError("no pack was named; try `kpred evaluate peers PACK.npz --method NAME=FOLDER`")
@@ -142,9 +142,9 @@ def _methods(name: str, place: str, refined_peers: bool) -> tuple[list[Method], 
     """The methods that a folder of weights stands for, and what they were made by, as plain values."""
     from kpred.evaluation.header import made_by
     from kpred.evaluation.methods import KpRedMethod
-    from kpred.evaluation.methods.peers import peer_method, refined
     from kpred.nn.loading import load_model
-    from kpred.nn.peers.loading import holds_peers
+    from kpred.peers.methods.peers import peer_method, refined
+    from kpred.peers.networks.loading import holds_peers
 
     if place in OWN or not holds_peers(place):
         model = load_model(place)

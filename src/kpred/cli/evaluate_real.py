@@ -14,8 +14,8 @@ from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.real import CropOutcome
-    from kpred.evaluation.scene_targets import SceneOutcome
+    from kpred.evaluation.scans.real import CropOutcome
+    from kpred.evaluation.scans.scene_targets import SceneOutcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,15 +57,15 @@ class RealCommand(Command):
 
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
+        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
-        from kpred.evaluation.contact_sheet import check_picture, save_contact_sheet
         from kpred.evaluation.header import made_by, versions
-        from kpred.evaluation.real import evaluate_crops, read_crops, summarise_crops
-        from kpred.evaluation.scan_outcomes import Fitting
-        from kpred.evaluation.scene_targets import evaluate_scenes, summarise_scenes
-        from kpred.evaluation.summary import write_report
-        from kpred.fitting.resources import as_database, as_model
-        from kpred.shapes.atomic import check_place
+        from kpred.evaluation.metrics.summary import write_report
+        from kpred.evaluation.scans.real import evaluate_crops, read_crops, summarise_crops
+        from kpred.evaluation.scans.scan_outcomes import Fitting
+        from kpred.evaluation.scans.scene_targets import evaluate_scenes, summarise_scenes
+        from kpred.fitting.defaults import as_database, as_model
+        from kpred.rendering.contact_sheet import check_picture, save_contact_sheet
 
         if self.annotations is not None and self.scene is None:
             raise UsageError("--annotations says what stands in a scene; give --scene FOLDER too")

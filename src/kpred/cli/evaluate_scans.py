@@ -14,8 +14,8 @@ from kpred.cli.summary_table import SummaryTable
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.reliability import Reliability
-    from kpred.evaluation.scans import ScansReport
+    from kpred.evaluation.metrics.reliability import Reliability
+    from kpred.evaluation.scans.scans import ScansReport
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +56,11 @@ class ScansCommand(Command):
 
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
+        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
-        from kpred.evaluation.contact_sheet import check_picture, save_contact_sheet
-        from kpred.evaluation.scans import evaluate_scans
-        from kpred.evaluation.summary import write_report
-        from kpred.shapes.atomic import check_place
+        from kpred.evaluation.metrics.summary import write_report
+        from kpred.evaluation.scans.scans import evaluate_scans
+        from kpred.rendering.contact_sheet import check_picture, save_contact_sheet
 
         if not self.packs:
             raise UsageError("no pack was named; try `kpred evaluate scans FILE.npz`")

@@ -12,8 +12,8 @@ from tyro.conf import FlagConversionOff, Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
-from kpred.fitting.clean_config import CleanConfig
-from kpred.fitting.refine_config import Deform, RefineConfig
+from kpred.preprocessing.config import CleanConfig
+from kpred.refinement.config import Deform, RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 
 
@@ -86,7 +86,7 @@ class FitCommand(Command):
 
         from kpred.cli.fit_files import check_output, describe, write_files
         from kpred.database import Database
-        from kpred.fitting.fit_scan import fit
+        from kpred.fitting.pipeline import fit
         from kpred.nn import load_model
         from kpred.shapes import read_scan
         from kpred.shapes.mesh_output import check_precision

@@ -30,7 +30,7 @@ def check_output(
         OutputError: unknown extension, a place that cannot be written, a file of the fit would overwrite the scan, or
             one beside the mesh would overwrite what is no file of a fit.
     """
-    from kpred.shapes.atomic import check_place
+    from kpred.atomic import check_place
     from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
 
     if path.suffix.lower() not in OUTPUT_EXTENSIONS:
@@ -76,13 +76,13 @@ def write_files(
 ) -> list[Path]:
     """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
 
-    All of them or none, `more` included: files with what writes them (`kpred.shapes.atomic.write_together`).
+    All of them or none, `more` included: files with what writes them (`kpred.atomic.write_together`).
 
     Raises:
         OutputError: a file cannot be written there.
     """
+    from kpred.atomic import write_together
     from kpred.shapes import write_mesh
-    from kpred.shapes.atomic import write_together
 
     mesh_file, record_file, picture_file = _files(path)
     record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
@@ -101,7 +101,7 @@ def write_files(
 
 
 def _drawn(fit: Fit, scan: np.ndarray, file: Path) -> bool:
-    from kpred.fitting.picture import save_picture
+    from kpred.rendering.picture import save_picture
 
     return save_picture(fit, scan, file)
 

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
-from kpred.fitting.refine_config import Deform
+from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
     from kpred.batch.run import BatchReport

@@ -60,7 +60,7 @@ class OcclusionCommand(_PlotCommand):
     def draw(self) -> Figure:
         """The figure."""
         from kpred.evaluation.plots.occlusion import occlusion_figure
-        from kpred.evaluation.table_data import read_table
+        from kpred.evaluation.tables.table_data import read_table
 
         if not self.tables:
             raise UsageError("no table was named; try `kpred plot occlusion TABLE.json -o FILE.png`")
@@ -94,7 +94,7 @@ class TokensCommand(_DatabasePlotCommand):
     def draw(self) -> Figure:
         """The figure."""
         from kpred.evaluation.plots.tokens import tokens_figure
-        from kpred.fitting.resources import as_database
+        from kpred.fitting.defaults import as_database
 
         if self.most < 1 or self.pictures < 0:
             raise UsageError("--most must be at least 1, and --pictures not negative")
@@ -115,7 +115,7 @@ class KeypointsCommand(_DatabasePlotCommand):
     def draw(self) -> Figure:
         """The figure."""
         from kpred.evaluation.plots.keypoints import keypoints_figure
-        from kpred.fitting.resources import as_database
+        from kpred.fitting.defaults import as_database
 
         return keypoints_figure(as_database(self.database), self.category, self.count, seed=self.seed)
 
@@ -138,7 +138,7 @@ class InfluenceCommand(_DatabasePlotCommand):
     def draw(self) -> Figure:
         """The figure."""
         from kpred.evaluation.plots.keypoints import influence_figure
-        from kpred.fitting.resources import as_database, as_model
+        from kpred.fitting.defaults import as_database, as_model
 
         network = as_model(self.model)[self.category]
         return influence_figure(as_database(self.database), network, self.keypoints, self.count, self.seed)

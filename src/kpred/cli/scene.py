@@ -14,10 +14,10 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
-from kpred.fitting.refine_config import Deform
+from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
-    from kpred.fitting.scene import ObjectFit, SceneFit
+    from kpred.fitting.fit_scene import ObjectFit, SceneFit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +69,9 @@ class SceneCommand(Command):
         from kpred.cli.fit_files import check_foreign
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ScanError
-        from kpred.fitting.scene import fit_scene
-        from kpred.shapes.scene import read_scene, scene_name
-        from kpred.shapes.scene_objects import objects_of
+        from kpred.fitting.fit_scene import fit_scene
+        from kpred.scenes.objects import objects_of
+        from kpred.scenes.scene import read_scene, scene_name
 
         _check_output(self._files(scene_name(self.scene)), [self.scene, self.objects, self.labels])
         if not self.overwrite:
@@ -113,9 +113,9 @@ class SceneCommand(Command):
 
     def _write(self, result: SceneFit) -> list[Path]:
         from kpred import __version__
+        from kpred.atomic import write_together
         from kpred.cli.output import plain
-        from kpred.fitting.picture_scene import save_scene_picture
-        from kpred.shapes.atomic import write_together
+        from kpred.rendering.picture_scene import save_scene_picture
 
         glb, record_file, annotation, lines, picture = self._files(result.scene.name)
         record = {"kpred": __version__, "scan": self.scene, "glb": glb, **result.to_json(glb.name)}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from kpred.evaluation.summary import Summary
+    from kpred.evaluation.metrics.summary import Summary
 
 Key = tuple[str, str]
 """Data set and category."""

@@ -14,7 +14,7 @@ from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.calibration import CalibrationSample
+    from kpred.evaluation.scans.calibration import CalibrationSample
     from kpred.nn import Model
 
 
@@ -51,11 +51,11 @@ class ConfidenceCommand(Command):
 
     def run(self, output: Output) -> None:
         """Scan and fit with a progress bar, calibrate, write and print."""
+        from kpred.atomic import check_place
         from kpred.cli.evaluate_scans import print_reliability
-        from kpred.evaluation.calibration import calibrate, sources_of
+        from kpred.evaluation.scans.calibration import calibrate, sources_of
         from kpred.nn import load_model
         from kpred.nn.calibration import save_calibration
-        from kpred.shapes.atomic import check_place
 
         if not self.packs:
             raise UsageError("no pack was named; try `kpred train confidence PACK.npz --model DIR`")
@@ -85,10 +85,10 @@ class ConfidenceCommand(Command):
         """The samples of the file, or new ones."""
         from kpred.cli.progress import ProgressBar
         from kpred.errors import PackError
-        from kpred.evaluation.calibration import CalibrationSample, collect_samples
-        from kpred.evaluation.scan_outcomes import Fitting
-        from kpred.evaluation.summary import write_report
-        from kpred.fitting.resources import as_database
+        from kpred.evaluation.metrics.summary import write_report
+        from kpred.evaluation.scans.calibration import CalibrationSample, collect_samples
+        from kpred.evaluation.scans.scan_outcomes import Fitting
+        from kpred.fitting.defaults import as_database
 
         if self.samples is not None and self.samples.is_file():
             try:

@@ -14,7 +14,7 @@ from kpred.cli.command import Command, Group
 from kpred.cli.devices import found_device, limit_threads
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
-from kpred.training.peers.config import (
+from kpred.peers.training.config import (
     KeypointDeformerTraining,
     NeuralCagesTraining,
     PeerTraining,
@@ -46,8 +46,8 @@ class _PeerCommand(Command):
         """Train with a progress bar; print where the weights are."""
         from kpred.cli.processes import refuse
         from kpred.cli.progress import ProgressBar
+        from kpred.peers.training.run import train_peer
         from kpred.shapes.pack import MeshPack
-        from kpred.training.peers.run import train_peer
 
         refuse(f"`kpred train peer {self.peer}`")
         if not self.packs:
@@ -110,7 +110,7 @@ class KeypointDeformerCommand(_PeerCommand):
 
     def model(self) -> Any:
         """See above."""
-        from kpred.nn.peers.keypoint_deformer import KeypointDeformerConfig
+        from kpred.peers.networks.keypoint_deformer import KeypointDeformerConfig
 
         return KeypointDeformerConfig(keypoints=self.training.spread_samples // 2)
 
@@ -130,7 +130,7 @@ class NeuralCagesCommand(_PeerCommand):
 
     def model(self) -> Any:
         """See above."""
-        from kpred.nn.peers.neural_cages import NeuralCagesConfig
+        from kpred.peers.networks.neural_cages import NeuralCagesConfig
 
         return NeuralCagesConfig()
 
@@ -155,7 +155,7 @@ class Uy2021Command(_PeerCommand):
 
     def model(self) -> Any:
         """See above."""
-        from kpred.nn.peers.uy2021 import Uy2021Config
+        from kpred.peers.networks.uy2021 import Uy2021Config
 
         return Uy2021Config(parts=self.parts)
 
@@ -179,7 +179,7 @@ class URedCommand(_PeerCommand):
 
     def model(self) -> Any:
         """See above."""
-        from kpred.nn.peers.u_red import URedConfig
+        from kpred.peers.networks.u_red import URedConfig
 
         return URedConfig(parts=self.parts)
 
@@ -202,7 +202,7 @@ class ShapeFlowCommand(_PeerCommand):
 
     def model(self) -> Any:
         """See above."""
-        from kpred.nn.peers.shapeflow import ShapeFlowConfig
+        from kpred.peers.networks.shapeflow import ShapeFlowConfig
 
         return ShapeFlowConfig()
 

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from kpred.database.candidates import Candidates as Candidates
     from kpred.database.copy import CopyReport as CopyReport
     from kpred.database.copy import copy_database as copy_database
+    from kpred.database.database import Database as Database
     from kpred.database.encode import deformation_basis as deformation_basis
     from kpred.database.encode import encode_models as encode_models
     from kpred.database.entry import Entry as Entry
     from kpred.database.search import SearchResult as SearchResult
-    from kpred.database.store import Database as Database
     from kpred.database.update import update_database as update_database
 
 _HOME = {
@@ -26,7 +26,7 @@ _HOME = {
     "CopyReport": "copy",
     "copy_database": "copy",
     "Candidates": "candidates",
-    "Database": "store",
+    "Database": "database",
     "Entry": "entry",
     "SearchResult": "search",
     "build_database": "build",

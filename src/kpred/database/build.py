@@ -11,10 +11,10 @@ from pathlib import Path
 
 from kpred.database.address import is_address
 from kpred.database.connection import check_replaceable, explained
+from kpred.database.database import Database
 from kpred.database.encode import prepare_mesh
 from kpred.database.encoders import Batch, Encoder, InProcesses, InThisProcess
 from kpred.database.entry import Entry
-from kpred.database.store import Database
 from kpred.errors import DatabaseError, MeshError
 from kpred.nn import KPRed
 from kpred.shapes.mesh import Mesh

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from kpred.database.store import Database
+from kpred.database.database import Database
 from kpred.errors import DatabaseError
 
 _BATCH = 64

@@ -23,10 +23,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kpred.atomic import atomic_path
 from kpred.database.codes import CodeLayout, Quantiser
 from kpred.database.token_table import TableKey, TokenTable
 from kpred.errors import OutputError
-from kpred.shapes.atomic import atomic_path
 
 _MAGIC = b"KPRDTOK2"
 _HEADER = 8192

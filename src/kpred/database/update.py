@@ -11,12 +11,12 @@ from sqlalchemy import Connection, insert, select, update
 
 from kpred.database.address import is_address
 from kpred.database.arrays import DamagedArray, on_grid
+from kpred.database.backend import Progress
 from kpred.database.connection import OLDEST, explained, open_file
 from kpred.database.encode import DEFAULT_SEED, prepare_mesh, to_unit_box
 from kpred.database.entry import POINT_STEP, unpack_frame
-from kpred.database.home import Progress
 from kpred.database.point_faces import faces_of_points
-from kpred.database.postgres_home import PostgresHome
+from kpred.database.postgres import PostgresHome
 from kpred.database.postgres_schema import is_current, upgrade_tables
 from kpred.database.rows import new_epoch, of_model, read_arrays, read_epoch
 from kpred.database.schema import SCHEMA_VERSION, ArrayRow, InfoRow, ModelRow

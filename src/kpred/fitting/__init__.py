@@ -4,11 +4,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kpred.fitting.fit_scan import fit
-    from kpred.fitting.refine import refine_keypoints
-    from kpred.fitting.refine_config import RefineConfig
-    from kpred.fitting.resources import bundled_database_path, sample_scan
+    from kpred.fitting.defaults import bundled_database_path, sample_scan
+    from kpred.fitting.pipeline import fit
     from kpred.fitting.result import Candidate, Fit, Metric
+    from kpred.refinement.config import RefineConfig
+    from kpred.refinement.keypoints import refine_keypoints
 
 __all__ = [
     "Candidate",
@@ -25,11 +25,11 @@ _HOME = {
     "Candidate": "kpred.fitting.result",
     "Fit": "kpred.fitting.result",
     "Metric": "kpred.fitting.result",
-    "RefineConfig": "kpred.fitting.refine_config",
-    "bundled_database_path": "kpred.fitting.resources",
-    "fit": "kpred.fitting.fit_scan",
-    "refine_keypoints": "kpred.fitting.refine",
-    "sample_scan": "kpred.fitting.resources",
+    "RefineConfig": "kpred.refinement.config",
+    "bundled_database_path": "kpred.fitting.defaults",
+    "fit": "kpred.fitting.pipeline",
+    "refine_keypoints": "kpred.refinement.keypoints",
+    "sample_scan": "kpred.fitting.defaults",
 }
 
 

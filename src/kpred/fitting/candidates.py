@@ -12,16 +12,16 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
-from kpred.fitting.free_space import depth_pictures
-from kpred.fitting.observation import Observation
-from kpred.fitting.refine import Hints, Refined, refine_candidates
-from kpred.fitting.refine_config import RefineConfig
-from kpred.fitting.reflection import reflect
+from kpred.fitting.encoding import Observation
 from kpred.ops.chamfer_cpu import chamfer_of_each
 from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
+from kpred.refinement.config import RefineConfig
+from kpred.refinement.free_space import depth_pictures
+from kpred.refinement.keypoints import Hints, Refined, refine_candidates
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_fit import StructureModel
+from kpred.refinement.symmetry import reflect
 from kpred.shapes.structure import Structure
 
 MAX_MODELS = 256

@@ -11,9 +11,9 @@ import torch
 
 from kpred.errors import ModelError
 from kpred.fitting.hypotheses import Hypothesis
-from kpred.fitting.upright import yaw_rotation
 from kpred.nn.calibration import Calibration
 from kpred.ops import nearest_neighbours
+from kpred.ops.rotations import yaw_rotation
 from kpred.ops.sampling import at_even_steps
 from kpred.ops.typing import Float
 

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.refine_config import Deform as Deform
-from kpred.fitting.refine_config import RefineConfig
 from kpred.fitting.visibility import Visibility
 from kpred.ops.typing import Float, Int
 from kpred.ops.worksharing import share_out
+from kpred.refinement.config import Deform as Deform
+from kpred.refinement.config import RefineConfig
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import COSTS, Distances, Step, distances, spacing
 from kpred.refinement.structure_config import StructureConfig

@@ -12,13 +12,13 @@ from torch import Tensor
 
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve
-from kpred.fitting.observation import observe
-from kpred.fitting.recognise import Reading
-from kpred.fitting.refine import RefineConfig, refine_keypoints
+from kpred.fitting.encoding import observe
 from kpred.nn import KPRed, Model
 from kpred.ops import squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float
+from kpred.pose.recognition import Reading
+from kpred.refinement.keypoints import RefineConfig, refine_keypoints
 
 SCREEN = RefineConfig(iterations=3, points=256, prior=0.05, unseen=0.5)
 """Quick refinement by which hypotheses are compared."""

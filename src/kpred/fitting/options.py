@@ -8,10 +8,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from kpred.errors import ConfigError
-from kpred.fitting.clean_config import CleanConfig
 from kpred.fitting.deform import Deform
-from kpred.fitting.pose import PoseEstimator
-from kpred.fitting.refine_config import RefineConfig
+from kpred.pose.estimators import PoseEstimator
+from kpred.preprocessing.config import CleanConfig
+from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 
 

@@ -11,13 +11,13 @@ import numpy as np
 import trimesh
 
 from kpred.fitting.assessment import Assessment
-from kpred.fitting.cleaning import CleaningStep
 from kpred.fitting.confidence import Evidence
 from kpred.fitting.deform import WHOLE, Deformed
 from kpred.fitting.options import FitOptions
 from kpred.fitting.placed import Placed, PlacedModel, in_own_size, place_mesh
 from kpred.fitting.stages import CleanScan, Context, Tried
 from kpred.ops.frames import Frame
+from kpred.preprocessing.clean import CleaningStep
 from kpred.refinement.score import Step
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
 

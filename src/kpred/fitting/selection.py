@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from kpred.fitting.deform import WHOLE, Deformed
-from kpred.fitting.free_space import free_space_errors
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
+from kpred.refinement.free_space import free_space_errors
 
 TEMPERATURE = 0.6
 """Odds of candidates fall by e for each such fraction by which their error is above the lowest."""

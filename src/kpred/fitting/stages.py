@@ -11,17 +11,17 @@ import torch
 
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve_named
-from kpred.fitting.cleaning import CleanConfig, CleaningStep, clean_scan
+from kpred.fitting.defaults import as_database, as_model, shared_categories
 from kpred.fitting.deform import PLACED_POINTS
+from kpred.fitting.floor_contact import feet_missing
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, initial_frame
 from kpred.fitting.options import FitOptions
-from kpred.fitting.placement import check_known_frame, judged, placements, up_axis
-from kpred.fitting.recognise import Reading
-from kpred.fitting.resources import as_database, as_model, shared_categories
-from kpred.fitting.standing import feet_missing
-from kpred.fitting.upright import yaw_rotation
 from kpred.fitting.visibility import Visibility, all_seen, lacks_parts, predicted
 from kpred.nn import Model
+from kpred.ops.rotations import yaw_rotation
+from kpred.pose.proposals import check_known_frame, judged, placements, up_axis
+from kpred.pose.recognition import Reading
+from kpred.preprocessing.clean import CleanConfig, CleaningStep, clean_scan
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import distances, spacing
 from kpred.shapes.scan import check_points, read_scan

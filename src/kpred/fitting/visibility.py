@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.observation import observe
+from kpred.fitting.encoding import observe
 from kpred.nn import Model
 from kpred.nn.visibility import VisibilityNetwork
 from kpred.ops.trilinear import interpolate_grid

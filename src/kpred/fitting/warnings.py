@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kpred.fitting.cleaning import CleaningStep
 from kpred.fitting.confidence import Evidence
 from kpred.fitting.deform import Explanation
 from kpred.ops.typing import Float
+from kpred.preprocessing.clean import CleaningStep
 
 LOW_CONFIDENCE = 0.5
 """Results below are more likely wrong than right."""

@@ -117,7 +117,7 @@ def write_depth(path: str | os.PathLike[str], depth: np.ndarray) -> None:
     Raises:
         OutputError: the file cannot be written there.
     """
-    from kpred.shapes.atomic import atomic_path
+    from kpred.atomic import atomic_path
 
     values = np.nan_to_num(np.asarray(depth, dtype=np.float64) * MILLIMETRES, nan=0.0, posinf=0.0, neginf=0.0).round()
     picture = np.where((values > 0) & (values < 65535), values, 0).astype(np.uint16)

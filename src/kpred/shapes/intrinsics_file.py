@@ -12,6 +12,7 @@ import numpy as np
 
 from kpred.errors import ConfigError
 from kpred.shapes.camera import check_intrinsics
+from kpred.shapes.formats.keyed_content import dictionaries, numbers, read_keyed
 from kpred.shapes.intrinsics_keys import (
     AZURE_CROPS,
     AZURE_SENSOR,
@@ -22,7 +23,6 @@ from kpred.shapes.intrinsics_keys import (
     SCALE_KEYS,
     SIZE_KEYS,
 )
-from kpred.shapes.keyed_content import dictionaries, numbers, read_keyed
 
 Size = tuple[int, int]
 """Width and height in pixels."""

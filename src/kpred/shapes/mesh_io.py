@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import MeshError
-from kpred.shapes.gltf import read_gltf
+from kpred.shapes.formats.gltf import read_gltf
+from kpred.shapes.formats.obj import read_obj
+from kpred.shapes.formats.off import read_off
+from kpred.shapes.formats.ply_mesh import read_ply_mesh
+from kpred.shapes.formats.stl import read_stl
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.mesh_output import OUTPUT_EXTENSIONS as OUTPUT_EXTENSIONS
 from kpred.shapes.mesh_output import write_mesh as write_mesh
-from kpred.shapes.obj import read_obj
-from kpred.shapes.off import read_off
-from kpred.shapes.ply_mesh import read_ply_mesh
 from kpred.shapes.reading import check_file, reading
-from kpred.shapes.stl import read_stl
 
 MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kpred.atomic import atomic_path
 from kpred.errors import OutputError
-from kpred.shapes.atomic import atomic_path
+from kpred.shapes.formats.obj import obj_lines
+from kpred.shapes.formats.off import off_lines
 from kpred.shapes.mesh import Mesh, clean_mesh
-from kpred.shapes.obj import obj_lines
-from kpred.shapes.off import off_lines
 from kpred.shapes.precision import needs_double
 
 if TYPE_CHECKING:

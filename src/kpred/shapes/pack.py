@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from kpred.atomic import atomic_path
 from kpred.errors import PackError
-from kpred.shapes.atomic import atomic_path
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.reading import check_file, reading
 

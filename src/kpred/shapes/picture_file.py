@@ -9,8 +9,8 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from kpred.errors import ScanError
+from kpred.shapes.formats.scan_array import array_header
 from kpred.shapes.reading import check_file, reading
-from kpred.shapes.scan_array import array_header
 
 _MAX_PIXELS = 1 << 26
 """Pixels of a picture of depths or ids; sensors have two million, and each takes 8 bytes."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from kpred.errors import ConfigError
 from kpred.shapes.camera import check_pose
-from kpred.shapes.keyed_content import dictionaries, numbers, read_keyed
+from kpred.shapes.formats.keyed_content import dictionaries, numbers, read_keyed
 
 OPENCV_KEYS = ("camera_to_world", "cam_to_world", "cam2world", "c2w", "camera_pose", "aligned_pose", "pose", "t_wc")
 """Camera-to-world, x right, y down, z forward."""

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import ConfigError, ScanError
+from kpred.shapes.formats.ply_header import read_ply_header
+from kpred.shapes.formats.records import BLOCK_ROWS
+from kpred.shapes.formats.scan_array import npy_points, npz_points
+from kpred.shapes.formats.scan_pcd import pcd_points
+from kpred.shapes.formats.scan_ply import ply_points
+from kpred.shapes.formats.scan_text import text_points
 from kpred.shapes.mesh_io import Geometry, read_geometry
-from kpred.shapes.ply_header import read_ply_header
 from kpred.shapes.precision import single_precision_step
 from kpred.shapes.reading import check_file, reading
-from kpred.shapes.records import BLOCK_ROWS
-from kpred.shapes.scan_array import npy_points, npz_points
-from kpred.shapes.scan_pcd import pcd_points
-from kpred.shapes.scan_ply import ply_points
-from kpred.shapes.scan_text import text_points
 
 TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts")
 MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf")

@@ -15,9 +15,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from kpred.atomic import atomic_path
 from kpred.errors import CheckpointError
 from kpred.nn import STAGES, KPRed, ModelConfig
-from kpred.shapes.atomic import atomic_path
 from kpred.training.config import TrainConfig
 
 KEY = "kpred-ablations"

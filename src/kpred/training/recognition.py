@@ -14,10 +14,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from kpred.atomic import atomic_path
 from kpred.errors import ConfigError
 from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MOST_TURN, Recognizer, RecognizerConfig
-from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
 from kpred.training.augmentation import (
     box_of,

@@ -11,9 +11,9 @@ from typing import Any
 
 import torch
 
+from kpred.atomic import atomic_path
 from kpred.errors import CheckpointError, ConfigError, OutputError
 from kpred.nn import STAGES, KPRed, ModelConfig, load_model
-from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import TrainConfig

@@ -9,12 +9,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from kpred.fitting.refine import RefineConfig, refine_keypoints
 from kpred.nn import STAGES, KPRed
 from kpred.nn.retrieval import DECODED_POINTS
 from kpred.ops import ball_query, chamfer_distance, farthest_point_sampling
 from kpred.ops.chamfer import squared_distances
 from kpred.ops.regions import gather_points
+from kpred.refinement.keypoints import RefineConfig, refine_keypoints
 from kpred.training.augmentation import box_of, disturbed, in_full_precision, random_slices, yaw_matrices
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData

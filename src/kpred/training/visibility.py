@@ -13,10 +13,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from kpred.atomic import atomic_path
 from kpred.nn.loading import save_visibility
 from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
 from kpred.ops.typing import Float, Int
-from kpred.shapes.atomic import atomic_path
 from kpred.shapes.pack import MeshPack
 from kpred.training.augmentation import in_full_precision, random_factors, yaw_matrices
 from kpred.training.data import Progress

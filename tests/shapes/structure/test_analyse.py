@@ -8,9 +8,9 @@ import trimesh
 from kpred.ops.sampling import sample_surface
 from kpred.shapes.structure.analyse import find_structure
 from kpred.shapes.structure.segmentation import MAX_PARTS
-from kpred.shapes.synthetic.assembly import assemble
-from kpred.shapes.synthetic.generator import FAMILIES, build
-from kpred.shapes.synthetic.parts import beam, box, cylinder
+from kpred.synthetic.assembly import assemble
+from kpred.synthetic.generator import FAMILIES, build
+from kpred.synthetic.parts import beam, box, cylinder
 
 
 def analysed(vertices, faces, count=1500):

@@ -18,7 +18,7 @@ from kpred.shapes.pack import MeshPack
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness, thickness_ratios
 from kpred.shapes.structure.facets import planar_facets
 from kpred.shapes.structure.structure import Structure
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 Boxes = list[tuple[tuple[float, float, float], tuple[float, float, float]]]
 

@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kpred.shapes.structure.facets import planar_facets, weld
-from kpred.shapes.synthetic.generator import generate
+from kpred.synthetic.generator import generate
 
 
 def _box(sides: tuple[float, float, float] = (1.0, 0.5, 0.2), pieces: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -11,14 +11,14 @@ import torch
 from torch import Tensor
 
 from kpred.errors import ConfigError, PackError
-from kpred.evaluation.baselines import undeformed_errors
 from kpred.evaluation.methods.method import Method, Searcher
 from kpred.evaluation.methods.sources import Sources
-from kpred.evaluation.protocols import FULL, PARTIAL
-from kpred.evaluation.rows import CD, UCD, UCD_WHOLE, WHOLE, Row, Score, aggregate
-from kpred.evaluation.run import ALL, pack_files
 from kpred.evaluation.searched import Progress
-from kpred.evaluation.targets import Target, read_targets
+from kpred.evaluation.tables.baselines import undeformed_errors
+from kpred.evaluation.tables.protocols import FULL, PARTIAL
+from kpred.evaluation.tables.rows import CD, UCD, UCD_WHOLE, WHOLE, Row, Score, aggregate
+from kpred.evaluation.tables.run import ALL, pack_files
+from kpred.evaluation.tables.targets import Target, read_targets
 from kpred.ops import squared_distances
 from kpred.shapes.pack import MeshPack
 

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from kpred.evaluation.known_frame import retrieve_for
 from kpred.evaluation.methods.method import Explanation, Searcher
 from kpred.evaluation.methods.sources import Sources
+from kpred.evaluation.tables.known_frame import retrieve_for
 from kpred.fitting.deform import Deform, deform_candidates
 from kpred.fitting.options import FitOptions
 from kpred.fitting.selection import rank_candidates

@@ -15,8 +15,8 @@ from torch import Tensor
 from kpred.database import Database, build_database
 from kpred.database.encode import PreparedMesh, prepare_mesh
 from kpred.errors import MeshError, PackError
-from kpred.evaluation.baselines import NoLearning, undeformed_errors
 from kpred.evaluation.searched import SOURCE_SPLIT
+from kpred.evaluation.tables.baselines import NoLearning, undeformed_errors
 from kpred.nn import Model
 from kpred.ops.typing import Float
 from kpred.shapes.pack import MeshPack

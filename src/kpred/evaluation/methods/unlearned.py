@@ -9,7 +9,7 @@ from torch import Tensor
 
 from kpred.evaluation.methods.method import Explanation, Searcher
 from kpred.evaluation.methods.sources import Sources
-from kpred.evaluation.rows import NO_LEARNING, UNDEFORMED
+from kpred.evaluation.tables.rows import NO_LEARNING, UNDEFORMED
 from kpred.fitting import RefineConfig
 
 
@@ -27,7 +27,7 @@ class UndeformedMethod:
 
 @dataclass(frozen=True)
 class NoLearningMethod:
-    """The nearest sources, deformed by `kpred.evaluation.baselines.NoLearning` with keypoint refinement."""
+    """The nearest sources, deformed by `kpred.evaluation.tables.baselines.NoLearning` with keypoint refinement."""
 
     refinement: RefineConfig = RefineConfig()
     name: str = NO_LEARNING

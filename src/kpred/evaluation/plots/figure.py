@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kpred.atomic import atomic_path, check_place
 from kpred.errors import ConfigError, OutputError
-from kpred.shapes.atomic import atomic_path, check_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

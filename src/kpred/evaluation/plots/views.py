@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kpred.fitting.overlay import draw_overlay
-from kpred.fitting.picture import VIEW_DIRECTION
 from kpred.ops.typing import Float, Int
+from kpred.rendering.overlay import draw_overlay
+from kpred.rendering.picture import VIEW_DIRECTION
 from kpred.shapes.camera import Camera
 
 _FOCAL = 2.4

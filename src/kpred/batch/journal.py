@@ -1,0 +1,157 @@
+"""The output folder of a batch: what was begun, what is done, what failed. It is never wrong, whatever is killed.
+
+job.json        input and settings; another batch is refused
+results.jsonl   a line a scan that is done, in the order they were done
+failures.jsonl  a line a scan that was given up, written at the end of each run
+3f/name-3f....json, .ply   record and mesh of each scan; where the record is, the scan is done
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from kpred.atomic import atomic_path
+from kpred.batch.task import Task
+from kpred.database.address import without_password
+from kpred.errors import ManifestError, OutputError
+
+
+class Ledger:
+    """One output folder, held by one run at a time."""
+
+    def __init__(self, folder: Path, job: dict[str, Any]) -> None:
+        """Take the folder, made where it does not exist.
+
+        Raises:
+            ManifestError: it belongs to another batch, or another run has it.
+            OutputError: it cannot be written.
+        """
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = open(folder / ".lock", "a", encoding="ascii")  # noqa: SIM115  held until `close`
+        except OSError as error:
+            raise OutputError(f"Cannot write into {folder}: {error.strerror}; choose another folder.") from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._lock.close()
+            raise ManifestError(
+                f"{folder}: another run is filling it; wait for it, or choose another folder."
+            ) from error
+        try:
+            self._check_job(job)
+            self._remove_unfinished()
+            self._done = self._reconcile()
+            self._lines = open(folder / "results.jsonl", "a", encoding="utf-8")  # noqa: SIM115  held until `close`
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def __enter__(self) -> Ledger:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lines.close()
+        self._lock.close()
+
+    def __len__(self) -> int:
+        return len(self._done)
+
+    def is_done(self, task: Task) -> bool:
+        """Whether the scan's record is there."""
+        return task.stem in self._done
+
+    def done(self, task: Task, row: dict[str, Any]) -> None:
+        """Note that the scan's record is there; it is noted once."""
+        if task.stem in self._done:
+            return
+        self._done.add(task.stem)
+        self._lines.write(json.dumps(row) + "\n")
+        self._lines.flush()
+
+    def write_failures(self, failures: Iterable[tuple[str, str]]) -> None:
+        """(name, reason) of the scans that were given up in this run take the place of those of earlier ones."""
+        with atomic_path(self.folder / "failures.jsonl") as temporary, open(temporary, "w", encoding="utf-8") as file:
+            for name, reason in failures:
+                file.write(json.dumps({"name": name, "problem": reason}) + "\n")
+
+    def _check_job(self, job: dict[str, Any]) -> None:
+        file = self.folder / "job.json"
+        try:
+            before = json.loads(file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            if any(self.folder.glob("??/[!.]*-*.json")):
+                raise ManifestError(
+                    f"{self.folder}: job.json is missing beside results; choose another folder."
+                ) from None
+            with atomic_path(file) as temporary:
+                temporary.write_text(json.dumps(job, indent=1) + "\n", encoding="utf-8")
+            return
+        except (OSError, ValueError, RecursionError) as error:
+            raise ManifestError(f"{file} cannot be read; choose another output folder.") from error
+        if not isinstance(before, dict):
+            raise ManifestError(f"{file} is no job of a batch; choose another output folder.")
+        if isinstance(before.get("database"), str):
+            stored = before["database"]
+            before["database"] = without_password(stored)
+            if before["database"] != stored:  # Earlier versions kept it.
+                with atomic_path(file) as temporary:
+                    temporary.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
+        other = [key for key in sorted({*before, *job}) if before.get(key) != job.get(key)]
+        if other:
+            raise ManifestError(
+                f"{self.folder} holds results of another batch ({other[0]} was {before.get(other[0])!r}, "
+                f"now {job.get(other[0])!r}); give the same options to go on, or another folder."
+            )
+
+    def _remove_unfinished(self) -> None:
+        """Files that a killed worker was writing: their names begin with a dot."""
+        for file in self.folder.glob("??/.*"):
+            file.unlink(missing_ok=True)
+
+    def _reconcile(self) -> set[str]:
+        """Bring `results.jsonl` in line with the records, and return the stems of these."""
+        records = {f"{file.parent.name}/{file.stem}" for file in self.folder.glob("??/[!.]*-*.json")}
+        file = self.folder / "results.jsonl"
+        noted: dict[str, str] = {}
+        whole = True
+        for line, row in _lines(file):
+            whole = whole and row is not None and line.endswith("\n")
+            if row is not None and Task(row["name"], None).stem in records:
+                noted.setdefault(Task(row["name"], None).stem, json.dumps(row))
+            else:
+                whole = False
+        missing = sorted(records - noted.keys())
+        if missing or not whole:
+            for stem in missing:
+                try:
+                    row = json.loads((self.folder / f"{stem}.json").read_text(encoding="utf-8"))["batch"]
+                except (OSError, ValueError, KeyError):
+                    records.discard(stem)  # damaged from outside: it is fitted again
+                    continue
+                noted[stem] = json.dumps(row)
+            with atomic_path(file) as temporary:
+                temporary.write_text("".join(f"{line}\n" for line in noted.values()), encoding="utf-8")
+        return records
+
+
+def _lines(file: Path) -> Iterator[tuple[str, dict[str, Any] | None]]:
+    """Lines with what they say; None where a line is no whole row."""
+    if not os.path.exists(file):
+        return
+    with open(file, encoding="utf-8", errors="replace") as stream:
+        for line in stream:
+            try:
+                row = json.loads(line)
+                yield line, row if isinstance(row, dict) and isinstance(row.get("name"), str) else None
+            except ValueError:
+                yield line, None

@@ -1,0 +1,1 @@
+"""Measurements of whole fits, from scans of virtual and real objects."""

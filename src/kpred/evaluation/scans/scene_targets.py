@@ -1,0 +1,241 @@
+"""Objects of a Scan2CAD scene: each fitted as `kpred scene` fits it, and compared with what the annotators put there.
+
+The object's scan points are those that `kpred scene --objects full_annotations.json` takes. Distances are means from
+these points to a surface: of the result, and of the annotated CAD model in its annotated pose. The centre is that of
+Scan2CAD: the middle of the CAD model's own box, where it stands in the scene. All in metres, in the scan's frame.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from kpred.errors import KpredError, ScanError
+from kpred.evaluation.metrics.summary import ALL, Scope, Summary, finite
+from kpred.evaluation.metrics.surfaces import Surface
+from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
+from kpred.evaluation.scans.real import SPLIT
+from kpred.evaluation.scans.scan_outcomes import Fitting, claimed
+from kpred.fitting.fit_scene import ObjectFit, fit_scene, upright
+from kpred.ops.rotations import yaw_rotation
+from kpred.rendering.contact_sheet import Tile
+from kpred.scenes.objects import SceneObject, objects_of
+from kpred.scenes.scan2cad import AlignedModel, compose, decompose, model_path, read_annotations
+from kpred.scenes.scene import read_scene
+from kpred.shapes.mesh_io import read_mesh
+
+MOST_RATIO = 1.2
+MOST_CENTRE_CM = 10.0
+ANNOTATIONS = "full_annotations.json"
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneOutcome:
+    """What became of one annotated object.
+
+    Attributes:
+        scene, name, category: of the object, as annotated; points: how many scan points it has.
+        failure: why nothing could be measured.
+        found: category that is found when it is not told; model: id of the result's model.
+        confidence, warnings, milliseconds: of the fit, the category being told.
+        distance, annotated_distance: mean distance of the scan points to the result, and to the annotated CAD model, m.
+        centre_cm: between the centres of the result and of the annotated CAD model.
+        yaw: error in degrees up to the annotated symmetry; symmetry: its name.
+        tile: picture of it.
+    """
+
+    scene: str
+    name: str
+    category: str
+    points: int
+    failure: str | None = None
+    found: str | None = None
+    model: str | None = None
+    confidence: float | None = None
+    warnings: int = 0
+    milliseconds: float | None = None
+    distance: float | None = None
+    annotated_distance: float | None = None
+    centre_cm: float | None = None
+    yaw: float | None = None
+    symmetry: str = NONE.name
+    tile: Tile | None = None
+
+    @property
+    def ratio(self) -> float | None:
+        """Distance to the result / distance to the annotated CAD model."""
+        if self.distance is None or self.annotated_distance is None:
+            return None
+        return self.distance / max(self.annotated_distance, np.finfo(float).tiny)
+
+    @property
+    def passes(self) -> bool:
+        """Whether the result is at most 1.2 times as far as the annotated CAD model, and its centre within 10 cm."""
+        if self.ratio is None or self.centre_cm is None:
+            return False
+        return self.ratio <= MOST_RATIO and self.centre_cm <= MOST_CENTRE_CM
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, without the picture."""
+        facts = {key: value for key, value in self.__dict__.items() if key != "tile"}
+        return finite({**facts, "ratio": self.ratio, "passes": self.passes})
+
+
+def evaluate_scenes(
+    folder: str | os.PathLike[str],
+    how: Fitting,
+    annotations: str | os.PathLike[str] | None = None,
+    *,
+    progress: Progress | None = None,
+    report: Callable[[str], None] | None = None,
+) -> list[SceneOutcome]:
+    """Outcomes of the annotated objects of known categories of all scenes of a folder; others go to `report`.
+
+    Args:
+        folder: laid out as Scan2CAD's repository: `full_annotations.json`, `Assets/scannet-sample/<scene>/`,
+            `Assets/shapenet-sample/<synset>/<model>/`; or <scene>/ and <synset>/ in the folder itself.
+        annotations: the file of annotations, where it lies elsewhere.
+
+    Raises:
+        ScanError: annotations or scans are missing or broken, or there is no annotated object of a known category.
+    """
+    root = Path(folder)
+    outcomes: list[SceneOutcome] = []
+    file = root / ANNOTATIONS if annotations is None else Path(annotations)
+    for annotation in read_annotations(file):
+        scene = read_scene(scan_of(root, annotation.id_scan))
+        objects = objects_of(scene, file)
+        known = [item for item in objects if item.category in how.model.categories]
+        for item in objects:
+            if item not in known and report is not None:
+                report(f"left out: {item.name}: {item.category} is not among the categories of the model.")
+        if not known:
+            continue
+        name, total = f"{annotation.id_scan}: objects", len(objects) + len(known)
+        options: dict[str, Any] = {"top_k": how.top_k, "seed": how.seed}
+        step = _step(progress, name, 0, total)
+        told = fit_scene(scene, objects, how.model, how.database, progress=step, **options)
+        nameless = [replace(item, category=None) for item in known]
+        step, floor = _step(progress, name, len(objects), total), told.floor or False
+        untold = fit_scene(scene, nameless, how.model, how.database, progress=step, floor=floor, **options)
+        pairs = zip([fit for fit in told.fits if fit.object in known], untold.fits, strict=True)
+        outcomes += [_measured(annotation.id_scan, one, two, root, how) for one, two in pairs]
+    if not outcomes:
+        raise ScanError(f"{file}: it has no object of a known category ({', '.join(how.model.categories)}).")
+    return outcomes
+
+
+def scan_of(root: Path, id_scan: str) -> Path:
+    """ScanNet's file of a scan below a folder.
+
+    Raises:
+        ScanError: it is not there.
+    """
+    name = f"{id_scan}_vh_clean_2.ply"
+    tried = [folder / id_scan / name for folder in (root / "Assets" / "scannet-sample", root / "scans", root)]
+    for file in tried:
+        if file.is_file():
+            return file
+    raise ScanError(f"{root}: it has no {tried[0].relative_to(root)}; give a folder laid out as Scan2CAD's repository.")
+
+
+def summarise_scenes(outcomes: Sequence[SceneOutcome], dataset: str, seed: int) -> list[Summary]:
+    """Summaries of each category and of all objects; one without a result counts as wrong, and not in means."""
+    rows: list[Summary] = []
+    categories = sorted({outcome.category for outcome in outcomes})
+    for category in [*categories, ALL] if len(categories) > 1 else categories:
+        mine = [outcome for outcome in outcomes if category in (outcome.category, ALL)]
+        fitted = [outcome for outcome in mine if outcome.failure is None]
+        scope, frame = Scope(dataset, SPLIT, category, seed), "scan"
+        distances = [outcome.distance for outcome in fitted if outcome.distance is not None]
+        annotated = [outcome.annotated_distance for outcome in fitted if outcome.annotated_distance is not None]
+        rows += scope.mean("distance", distances, "m", frame)
+        rows += scope.mean("annotated_distance", annotated, "m", frame)
+        rows += scope.ratio("distance_ratio", distances, annotated, frame)
+        rows += scope.mean("centre", [o.centre_cm for o in fitted if o.centre_cm is not None], "cm", frame)
+        rows += scope.mean("yaw_error", [o.yaw for o in fitted if o.yaw is not None], "degrees", frame)
+        rows += scope.share("category_right_untold", [o.found == o.category for o in mine], frame)
+        rows += scope.share("passes", [outcome.passes for outcome in mine], frame)
+        milliseconds = [o.milliseconds for o in fitted if o.milliseconds is not None]
+        rows += scope.median("milliseconds", milliseconds, "ms", frame)
+    return rows
+
+
+def annotated_mesh(model: AlignedModel, root: Path) -> trimesh.Trimesh:
+    """The annotated CAD model where it stands in the scan.
+
+    Raises:
+        MeshError: its file is missing or broken.
+    """
+    mesh = read_mesh(model_path(model, root))
+    vertices = mesh.vertices.astype(np.float64) @ model.cad_to_scan[:3, :3].T + model.cad_to_scan[:3, 3]
+    return trimesh.Trimesh(vertices, mesh.faces, process=False)
+
+
+def annotated_rotation(model: AlignedModel) -> np.ndarray:
+    """(3, 3) from the scan to canonical axes (y up, front +z); ShapeNet's models face -z."""
+    _, rotation, _ = decompose(model.cad_to_scan)
+    return np.asarray(yaw_rotation(np.pi) @ compose(np.zeros(3), rotation, np.ones(3))[:3, :3].T)
+
+
+def annotated_centre(model: AlignedModel, placed: trimesh.Trimesh) -> np.ndarray:
+    """(3,) where the middle of the CAD model's own box stands in the scan; `placed` is its mesh there."""
+    if model.center is not None:
+        return np.asarray(model.cad_to_scan[:3, :3] @ model.center + model.cad_to_scan[:3, 3])
+    inverse = np.linalg.inv(model.cad_to_scan)
+    own = np.asarray(placed.vertices) @ inverse[:3, :3].T + inverse[:3, 3]
+    middle = (own.min(axis=0) + own.max(axis=0)) / 2
+    return np.asarray(model.cad_to_scan[:3, :3] @ middle + model.cad_to_scan[:3, 3])
+
+
+def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, how: Fitting) -> SceneOutcome:
+    item, model = told.object, told.object.annotation
+    outcome = SceneOutcome(scene, item.name, str(item.category), len(item.points))
+    if told.fit is None or model is None:
+        return _failed(outcome, item, told.error or f"{item.name}: it has no annotated CAD model.")
+    try:
+        placed, rotation = annotated_mesh(model, root), annotated_rotation(model)
+        annotated = Surface(placed).distances(item.points)
+    except KpredError as error:
+        return _failed(outcome, item, str(error))
+    except ValueError:
+        return _failed(outcome, item, f"{item.name}: its annotated pose mirrors the CAD model; mend or remove it.")
+    symmetry = OF_SCAN2CAD.get(model.sym, NONE)
+    distance = float(Surface(told.fit.mesh).distances(item.points).mean())
+    centre_cm = 100 * float(np.linalg.norm(told.cad_to_scan()[:3, 3] - annotated_centre(model, placed)))
+    yaw = yaw_error(yaw_between(told.fit.frame.rotation, rotation), symmetry)
+    claims = claimed(told.fit) | {"found": None if untold.fit is None else untold.fit.category}
+    outcome = replace(
+        outcome,
+        distance=distance,
+        annotated_distance=float(annotated.mean()),
+        centre_cm=centre_cm,
+        yaw=yaw,
+        symmetry=symmetry.name,
+        **claims,
+    )
+    turned = trimesh.Trimesh(np.asarray(told.fit.mesh.vertices) @ rotation.T, told.fit.mesh.faces, process=False)
+    lines = (
+        f"{scene} {item.name}",
+        f"{100 * distance:.1f} cm, annotated {100 * annotated.mean():.1f} cm",
+        f"centre {centre_cm:.1f} cm, yaw {yaw:.0f}° off",
+    )
+    tile = Tile(lines, "right" if outcome.passes else "wrong", item.points @ rotation.T, turned)
+    return replace(outcome, tile=tile)
+
+
+def _failed(outcome: SceneOutcome, item: SceneObject, why: str) -> SceneOutcome:
+    points = item.points @ upright(item.up).T if len(item.points) else np.zeros((1, 3))
+    return replace(outcome, failure=why, tile=Tile((f"{outcome.scene} {item.name}", why), "wrong", points))
+
+
+def _step(progress: Progress | None, name: str, start: int, total: int) -> Callable[[int, int, str], None] | None:
+    return None if progress is None else lambda done, _all, _next: progress(name, start + done, total)

@@ -1,0 +1,1 @@
+"""Tables of errors of methods in a known frame."""

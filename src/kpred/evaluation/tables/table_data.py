@@ -1,0 +1,266 @@
+"""What a table is made of: one value for each target and series, and cells with means and intervals over the targets.
+
+A series is one way to measure: a model (or none), a method, a protocol with its occlusion, a distance and a number of
+candidates. Its values belong to the targets one by one, so that two series can be compared in pairs.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from kpred.atomic import check_place, write_together
+from kpred.errors import OutputError, PackError
+from kpred.evaluation.metrics.intervals import Interval, mean_interval, ratio_interval, share_interval
+from kpred.evaluation.metrics.summary import finite
+from kpred.evaluation.tables.rows import UNIT, percentile_95
+
+ALL = "all"
+"""Category of a data set's targets taken together."""
+
+NO_MODEL = ""
+"""Model of what needs none."""
+
+VERSION = 1
+
+
+@dataclass(frozen=True, order=True)
+class Subject:
+    """One target: the folder and category of its pack, and its id."""
+
+    dataset: str
+    category: str
+    model_id: str
+
+
+@dataclass(frozen=True)
+class Series:
+    """One way to measure.
+
+    Attributes:
+        model: name of the model in this table; empty for what needs none.
+        method: what was done, as `refined`; see `kpred.evaluation.tables.protocols`.
+        protocol, occlusion, distance, top_k: see `kpred.evaluation.tables.rows.Score`.
+        unit: of the values; `share` for values that are 0 or 1.
+    """
+
+    model: str
+    method: str
+    protocol: str
+    occlusion: float
+    distance: str
+    top_k: int | None
+    unit: str = UNIT
+
+    @property
+    def is_error(self) -> bool:
+        """Whether the values are distances of results from targets, unit box squared."""
+        return self.unit == UNIT
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Mean of a series over the targets of one data set and category (`all`: of all of them), with its 95 % interval.
+
+    `low` and `high` are None for a single target; see `kpred.evaluation.metrics.intervals`. `percentile_95` is that
+    of the targets' own values.
+    """
+
+    series: Series
+    dataset: str
+    category: str
+    value: float
+    low: float | None
+    high: float | None
+    percentile_95: float
+    n: int
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Everything that was measured for one table.
+
+    Attributes:
+        header: what it was made by, as plain values.
+        values: of every series, by target; a target without a value was not measured by that series.
+    """
+
+    header: dict[str, Any]
+    values: dict[Series, dict[Subject, float]] = field(default_factory=dict)
+
+    def add(self, series: Series, subject: Subject, value: float) -> None:
+        """Put in one value."""
+        self.values.setdefault(series, {})[subject] = value
+
+    def subjects(self) -> list[Subject]:
+        """All targets, in the order they came in."""
+        return list(dict.fromkeys(subject for values in self.values.values() for subject in values))
+
+    def datasets(self) -> list[str]:
+        """Names of the data sets, in the order they came in."""
+        return list(dict.fromkeys(subject.dataset for subject in self.subjects()))
+
+    def categories(self, dataset: str) -> list[str]:
+        """Categories of a data set, in the order they came in, then `all` where there are several."""
+        found = list(dict.fromkeys(subject.category for subject in self.subjects() if subject.dataset == dataset))
+        return [*found, ALL] if len(found) > 1 else found
+
+    def series(self, dataset: str) -> list[Series]:
+        """Series that have a value in this data set, a model's together, in the order they came in."""
+        found = [one for one, values in self.values.items() if any(subject.dataset == dataset for subject in values)]
+        models = list(dict.fromkeys(one.model for one in found))
+        return sorted(found, key=lambda one: models.index(one.model))
+
+    def cell(self, series: Series, dataset: str, category: str) -> Cell | None:
+        """Mean and interval; None where nothing was measured. `all` means every category, and none if one lacks."""
+        values = self.values.get(series, {})
+        chosen = {s: v for s, v in values.items() if s.dataset == dataset and category in (s.category, ALL)}
+        if category == ALL and {s.category for s in chosen} != set(self.categories(dataset)) - {ALL}:
+            return None
+        if not chosen:
+            return None
+        every = list(chosen.values())
+        found = _interval(series, every, int(self.header.get("seed", 0)))
+        return Cell(series, dataset, category, found.value, found.low, found.high, percentile_95(every), len(chosen))
+
+    def ratio(self, above: Series, below: Series, dataset: str, category: str) -> Interval | None:
+        """Ratio of the means of two series over the targets that both have, which are drawn together; None for none."""
+        over, under = self.values.get(above, {}), self.values.get(below, {})
+        shared = [s for s in over if s in under and s.dataset == dataset and category in (s.category, ALL)]
+        if not shared:
+            return None
+        seed = int(self.header.get("seed", 0))
+        return ratio_interval([over[s] for s in shared], [under[s] for s in shared], seed)
+
+    def cells(self) -> Iterator[Cell]:
+        """All cells, data set after data set, series after series."""
+        for dataset in self.datasets():
+            for series in self.series(dataset):
+                for category in self.categories(dataset):
+                    cell = self.cell(series, dataset, category)
+                    if cell is not None:
+                        yield cell
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values: header, rows (cells), targets, and the values of each series in the order of the targets."""
+        subjects = self.subjects()
+        return finite(
+            {
+                "version": VERSION,
+                "header": self.header,
+                "rows": [_flat(cell) for cell in self.cells()],
+                "targets": [asdict(subject) for subject in subjects],
+                "series": [
+                    {**asdict(series), "values": [values.get(subject) for subject in subjects]}
+                    for series, values in self.values.items()
+                ],
+            }
+        )
+
+
+def read_table(path: str | Path) -> Table:
+    """A table that `write_table` wrote.
+
+    Raises:
+        PackError: the file is missing, damaged or no table.
+    """
+    file = Path(path)
+    try:
+        read = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PackError(f"{file}: it cannot be read ({error.strerror or error}); give a table's .json file.") from error
+    except ValueError as error:
+        raise PackError(f"{file}: it is not valid JSON (damaged or cut short); make the table again.") from error
+    try:
+        if read["version"] != VERSION:
+            raise PackError(f"{file}: it is a table of another version of kpred; make it again with this one.")
+        subjects = [Subject(**item) for item in read["targets"]]
+        table = Table(dict(read["header"]))
+        for item in read["series"]:
+            values = item.pop("values")
+            series = Series(**item)
+            for subject, value in zip(subjects, values, strict=True):
+                if value is not None:
+                    table.add(series, subject, float(value))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise PackError(
+            f"{file}: it is not a table of `kpred evaluate table`; give the .json that its -o wrote."
+        ) from error
+    return table
+
+
+def table_files(path: str | Path) -> tuple[Path, Path, Path]:
+    """Where a table goes: everything (.json), its cells (.csv), and its values target by target (.targets.csv).
+
+    Raises:
+        OutputError: the extension is not .json or .csv, or a file cannot be written there.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".json", ".csv"):
+        raise OutputError(f"Cannot write {file}: tables are .json with a .csv beside them; give it that extension.")
+    files = file.with_suffix(".json"), file.with_suffix(".csv"), file.with_suffix(".targets.csv")
+    for each in files:
+        check_place(each)
+    return files
+
+
+def write_table(table: Table, path: str | Path) -> tuple[Path, ...]:
+    """Write a table as JSON and CSV, all files or none; returns what was written.
+
+    Raises:
+        OutputError: a file cannot be written there.
+    """
+    whole, cells, targets = table_files(path)
+    value = table.to_json()
+    by_target = [
+        {**asdict(subject), **asdict(series), "value": one}
+        for series, values in table.values.items()
+        for subject, one in values.items()
+    ]
+    texts = {
+        whole: json.dumps(value, indent=1, allow_nan=False) + "\n",
+        cells: _csv(value["rows"]),
+        targets: _csv(finite(by_target)),
+    }
+    write_together({file: _writer(text) for file, text in texts.items()})
+    return tuple(texts)
+
+
+def merged(tables: Iterable[Table], header: Mapping[str, Any]) -> Table:
+    """One table of several tables' values, under another header."""
+    whole = Table(dict(header))
+    for table in tables:
+        for series, values in table.values.items():
+            whole.values.setdefault(series, {}).update(values)
+    return whole
+
+
+def _interval(series: Series, values: Sequence[float], seed: int) -> Interval:
+    finite_values = [value for value in values if math.isfinite(value)]
+    if len(finite_values) < len(values):
+        return Interval(math.inf, None, None)
+    return share_interval([value > 0 for value in values]) if series.unit == "share" else mean_interval(values, seed)
+
+
+def _flat(cell: Cell) -> dict[str, Any]:
+    found = asdict(cell)
+    return {"dataset": cell.dataset, "category": cell.category, **found.pop("series"), **found}
+
+
+def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    stream = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return stream.getvalue()
+
+
+def _writer(text: str) -> Any:
+    return lambda temporary: temporary.write_text(text, encoding="utf-8")

@@ -1,0 +1,288 @@
+"""A whole scene: every object fitted, and the results put together in the scene's own frame."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from kpred.database import Database
+from kpred.errors import ConfigError, KpredError, OutputError, ScanError
+from kpred.fitting.defaults import as_database, as_model, shared_categories
+from kpred.fitting.pipeline import fit
+from kpred.fitting.result import Fit
+from kpred.nn import Model
+from kpred.scenes.floor import SceneFloor, find_floor
+from kpred.scenes.objects import SceneObject
+from kpred.scenes.scan2cad import Alignment, decompose, results, write_csv
+from kpred.scenes.scene import Scene
+from kpred.shapes.categories import synset_of
+from kpred.shapes.mesh_io import write_mesh
+
+SCAN_NODE = "scan_frame"
+"""Node of the GLB below which everything is in the scan's own frame and units."""
+
+_HALF_TURN = np.diag([-1.0, 1.0, -1.0])
+"""Canonical axes (y up, front +z) <-> ShapeNetCore.v2's (y up, front -z)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectFit:
+    """What became of one object.
+
+    Attributes:
+        object: the object.
+        fit: its fit; None where there is none.
+        error: why there is none, one sentence that names the object.
+        skipped: the object is of a category that the model or the database does not know, so that nothing was tried.
+        floor: height of the floor it was taken to stand on, along the scene's up axis; None where it was not told.
+    """
+
+    object: SceneObject
+    fit: Fit | None = None
+    error: str | None = None
+    skipped: bool = False
+    floor: float | None = None
+
+    def cad_mesh(self) -> trimesh.Trimesh:
+        """The deformed mesh in ShapeNet's frame: y up, front -z, middle of its box 0, diagonal of its box 1."""
+        assert self.fit is not None
+        to_cad = np.linalg.inv(self.cad_to_scan())
+        vertices = np.asarray(self.fit.mesh.vertices) @ to_cad[:3, :3].T + to_cad[:3, 3]
+        return trimesh.Trimesh(vertices, np.asarray(self.fit.mesh.faces), process=False)
+
+    def cad_to_scan(self) -> np.ndarray:
+        """(4, 4) for column vectors: from the frame of `cad_mesh` to the scene's frame and units, a similarity."""
+        assert self.fit is not None
+        box = self.fit.frame.to_unit(np.asarray(self.fit.mesh.vertices, dtype=np.float64))
+        low, high = box.min(axis=0), box.max(axis=0)
+        cad_to_unit = np.eye(4)
+        cad_to_unit[:3, :3] = _HALF_TURN * np.linalg.norm(high - low)
+        cad_to_unit[:3, 3] = (low + high) / 2
+        return self.fit.frame.matrix() @ cad_to_unit
+
+    def alignment(self, mesh: str = "") -> Alignment:
+        """Where the deformed mesh stands, in Scan2CAD's terms; `mesh` is the file that holds it."""
+        assert self.fit is not None
+        translation, rotation, scale = decompose(self.cad_to_scan())
+        return Alignment(
+            catid_cad=synset_of(self.fit.category),
+            id_cad=self.fit.source.model_id,
+            translation=translation,
+            rotation=rotation,
+            scale=scale,
+            half_size=np.ptp(np.asarray(self.cad_mesh().vertices), axis=0) / 2,
+            mesh=mesh,
+            node=self.node,
+            name=self.object.name,
+        )
+
+    @property
+    def node(self) -> str:
+        """Name of its node in the GLB: object and model id."""
+        return f"{self.object.name} {self.fit.source.model_id}" if self.fit is not None else self.object.name
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFit:
+    """The fits of a scene's objects, in the objects' order; `floor` is what they stand on, if it was found."""
+
+    scene: Scene
+    fits: tuple[ObjectFit, ...]
+    floor: SceneFloor | None = None
+
+    @property
+    def fitted(self) -> tuple[ObjectFit, ...]:
+        """Those that have a fit."""
+        return tuple(item for item in self.fits if item.fit is not None)
+
+    def scan_to_glb(self) -> np.ndarray:
+        """(4, 4) rotation that turns the scan's up axis to +y, as glTF wants; z up: (x, y, z) -> (x, z, -y)."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = upright(self.scene.up)
+        return matrix
+
+    def glb_scene(self) -> trimesh.Scene:
+        """One named node an object (`Alignment.node`), y up; metres if the scan's unit is the metre.
+
+        Meshes are in ShapeNet's frame (`ObjectFit.cad_mesh`); nodes carry `cad_to_scan` and stand below `scan_frame`,
+        which carries `scan_to_glb`.
+        """
+        result = trimesh.Scene()
+        result.graph.update(frame_to=SCAN_NODE, frame_from=result.graph.base_frame, matrix=self.scan_to_glb())
+        for number, item in enumerate(self.fitted):
+            mesh = item.cad_mesh()
+            color = OBJECT_COLORS[number % len(OBJECT_COLORS)]
+            mesh.visual = trimesh.visual.TextureVisuals(
+                material=trimesh.visual.material.PBRMaterial(
+                    name=item.node,
+                    baseColorFactor=[*color, 255],
+                    metallicFactor=0.0,
+                    roughnessFactor=0.8,
+                    doubleSided=True,
+                )
+            )
+            result.add_geometry(
+                mesh,
+                node_name=item.node,
+                geom_name=item.node,
+                parent_node_name=SCAN_NODE,
+                transform=item.cad_to_scan(),
+            )
+        return result
+
+    def to_glb(self, path: str | os.PathLike[str]) -> None:
+        """Write `glb_scene` as one .glb, whole or not at all.
+
+        Raises:
+            OutputError: another extension, no object was fitted, or the file cannot be written there.
+        """
+        file = Path(path)
+        if file.suffix.lower() != ".glb":
+            raise OutputError(f"Cannot write {file}: scenes are .glb files; give it that extension.")
+        if not self.fitted:
+            raise OutputError(f"Cannot write {file}: no object of the scene was fitted, so it would be empty.")
+        write_mesh(file, self.glb_scene())
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the alignments as Scan2CAD's benchmark reads them (`kpred.scenes.scan2cad.write_csv`)."""
+        write_csv(path, [item.alignment() for item in self.fitted])
+
+    def to_json(self, mesh: str = "") -> dict[str, Any]:
+        """Everything but the meshes, as plain values; `mesh` names the GLB in Scan2CAD's entries.
+
+        `scan2cad` is a list of one scene in the form of `full_annotations.json`: its world is that of the GLB.
+        """
+        alignments = [item.alignment(mesh) for item in self.fitted]
+        return {
+            "scene": self.scene.name,
+            "up": self.scene.up,
+            "scan_to_glb": self.scan_to_glb().tolist(),
+            "floor": _floor_described(self.floor),
+            "fitted": len(self.fitted),
+            "objects": [_described(item) for item in self.fits],
+            "scan2cad": [results(self.scene.name, alignments, self.scan_to_glb())],
+        }
+
+
+OBJECT_COLORS = (
+    *((111, 159, 216), (226, 137, 88), (122, 178, 122), (196, 122, 178), (214, 186, 92)),
+    *((108, 180, 182), (201, 108, 104), (142, 134, 206), (160, 140, 118), (150, 190, 90)),
+)
+"""(R, G, B) of the objects in the GLB and in the picture, in turn."""
+
+
+def fit_scene(
+    scene: Scene,
+    objects: Sequence[SceneObject],
+    model: Model | str | os.PathLike[str] | None = None,
+    database: Database | str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
+    floor: SceneFloor | bool = True,
+    **fit_options: Any,
+) -> SceneFit:
+    """Fit every object of a scene whose category the model and the database know.
+
+    An object without a category is fitted with the category that explains it best. What goes wrong with one object is
+    told in its `ObjectFit.error` and never stops the others.
+
+    Args:
+        scene: the scene; objects: what stands in it (`kpred.scenes.objects.objects_of`).
+        model: trained networks, or their name or folder; None means bundled.
+        database: open database or its path; None means bundled.
+        progress: called with objects done, objects in all, and the name of the one that comes next ("" at the end).
+        floor: what furniture stands on, also where its feet were not scanned; True finds it, False leaves it out.
+        fit_options: further arguments of `kpred.fitting.fit`; `category` and `up` come from the objects.
+
+    Raises:
+        ScanError: if there are no objects.
+        ModelError, DatabaseError: if they are missing, or the database was made by other weights.
+        ConfigError: if `category` or `up` is among the options.
+    """
+    if not objects:
+        raise ScanError(f"{scene.name}: the scene has no objects; nothing can be fitted.")
+    for name in ("category", "up"):
+        if name in fit_options:
+            raise ConfigError(f"{name} is told by the scene's objects; leave the option out.")
+    networks, store = as_model(model), as_database(database)
+    known = tuple(shared_categories(networks, store, None))
+    if isinstance(floor, bool):
+        ground = find_floor(scene, objects) if floor else None
+    else:
+        ground = floor
+    done: list[ObjectFit] = []
+    for item in objects:
+        if progress is not None:
+            progress(len(done), len(objects), item.name)
+        done.append(_fit_object(item, networks, store, known, ground, fit_options))
+    if progress is not None:
+        progress(len(done), len(objects), "")
+    return SceneFit(scene, tuple(done), ground)
+
+
+def upright(up: str) -> np.ndarray:
+    """(3, 3) shortest rotation that takes an up axis (x, y, z, -x, -y, -z) to +y."""
+    axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
+    if axis[1] == -1:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.cross(axis, [0.0, 1.0, 0.0])
+    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    # Exact for axes: 1 + cosine is 1 for a quarter turn, and the terms vanish for none.
+    return np.eye(3) + skew + skew @ skew
+
+
+def _fit_object(
+    item: SceneObject,
+    model: Model,
+    database: Database,
+    known: tuple[str, ...],
+    ground: SceneFloor | None,
+    options: dict[str, Any],
+) -> ObjectFit:
+    if item.problem is not None:
+        return ObjectFit(item, error=item.problem)
+    if item.category is not None and item.category not in known:
+        why = f"{item.name}: {item.category} is not among the categories of model and database ({', '.join(known)})."
+        return ObjectFit(item, error=why, skipped=True)
+    floor = ground.height_under(item.points) if ground is not None and ground.carries(item.points) else None
+    try:
+        found = fit(item.points, model, database, category=item.category, up=item.up, floor=floor, **options)
+        return ObjectFit(item, found, floor=floor)
+    except KpredError as error:
+        return ObjectFit(item, error=f"{item.name}: {str(error).removeprefix('scan: ')}")
+    except Exception as error:  # One object must not cost the others their results.
+        return ObjectFit(item, error=f"{item.name}: unexpected {type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _described(item: ObjectFit) -> dict[str, Any]:
+    facts: dict[str, Any] = {
+        "name": item.object.name,
+        "category": item.object.category,
+        "points": len(item.object.points),
+        "status": "fitted" if item.fit is not None else "skipped" if item.skipped else "failed",
+        "error": item.error,
+    }
+    if item.object.annotation is not None:
+        annotation = item.object.annotation
+        facts["annotation"] = {"catid_cad": annotation.catid_cad, "id_cad": annotation.id_cad, "sym": annotation.sym}
+    if item.fit is not None:
+        facts |= {
+            "node": item.node,
+            "confidence": item.fit.confidence,
+            "warnings": list(item.fit.warnings),
+            "floor": item.floor,
+            "cad_to_scan": item.cad_to_scan().tolist(),
+            "fit": item.fit.to_json(),
+        }
+    return facts
+
+
+def _floor_described(floor: SceneFloor | None) -> dict[str, Any] | None:
+    if floor is None:
+        return None
+    return {"source": floor.source, "level": floor.level, "slope": floor.slope.tolist()}

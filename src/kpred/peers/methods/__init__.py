@@ -1,0 +1,1 @@
+"""Peers as methods of the evaluation."""

@@ -1,0 +1,92 @@
+"""Peers that move and resize parts, and retrieve by what they learned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from kpred.evaluation.methods.method import Explanation, Searcher
+from kpred.evaluation.methods.sources import Sources
+from kpred.nn.keypoints import thinned
+from kpred.peers.methods.peer_method import CHUNK, PeerMethod
+from kpred.peers.networks.part_boxes import PartBoxes
+from kpred.peers.networks.pointnet import POINT_FEATURES
+from kpred.peers.networks.u_red import URed
+from kpred.peers.networks.uy2021 import Uy2021
+from kpred.peers.training.part_sources import cut
+
+SCORED_POINTS = 256
+"""Points of a target whose residuals to every source U-RED predicts."""
+
+SPHERE_SAMPLES = 4
+"""Points of the unit sphere that U-RED tries for a partial target, as its published test does."""
+
+
+@dataclass(frozen=True)
+class Uy2021Method(PeerMethod[Uy2021]):
+    """Uy et al. 2021: sources nearest by their own regions of the embedding, part boxes moved and resized."""
+
+    def over(self, sources: Sources) -> Searcher:
+        """See `Method`."""
+        return _Uy2021(self.network(sources), sources)
+
+
+class _Uy2021:
+    def __init__(self, network: Uy2021, sources: Sources) -> None:
+        self.network, self.sources = network, sources
+        self.rows = network.rows(sources.model_ids)
+        self.boxes = _boxes(sources, network.config.parts)
+
+    def explain(self, target: Tensor, top_k: int, partial: bool) -> Explanation:
+        near = self.network.distances(target[None], self.rows)[0].argsort(stable=True)[:top_k]
+        codes = self.network.encode(target[None]).expand(len(near), -1)
+        deformed = self.network.deform(codes, self.rows[near], self.sources.points[near], self.boxes.take(near))
+        return Explanation(tuple(self.sources.model_ids[row] for row in near.tolist()), deformed)
+
+
+@dataclass(frozen=True)
+class URedMethod(PeerMethod[URed]):
+    """U-RED: sources with the shortest predicted residuals; a partial target takes the best of a few sphere points."""
+
+    def over(self, sources: Sources) -> Searcher:
+        """See `Method`."""
+        return _URed(self.network(sources), sources)
+
+
+class _URed:
+    def __init__(self, network: URed, sources: Sources) -> None:
+        self.network, self.sources = network, sources
+        self.boxes = _boxes(sources, network.config.parts)
+        codes, parts = [], []
+        for rows in torch.arange(len(sources)).split(CHUNK):
+            features = network.source_encoder.of_points(sources.points[rows])
+            codes.append(network.source_encoder.pooled(features))
+            parts.append(network.part_codes(features, self.boxes.take(rows)))
+        self.codes, self.parts = torch.cat(codes), torch.cat(parts)
+        drawn = torch.randn(SPHERE_SAMPLES, POINT_FEATURES, generator=torch.Generator().manual_seed(sources.seed))
+        self.sphere = functional.normalize(drawn, dim=1)
+
+    def explain(self, target: Tensor, top_k: int, partial: bool) -> Explanation:
+        branch = self.network.partial if partial else self.network.whole
+        cloud = thinned(target[None])
+        own = branch.encoder(cloud)
+        features = branch.encoder.of_points(cloud[:, :: max(1, cloud.shape[1] // SCORED_POINTS)])
+        extra = [(sample[None],) for sample in self.sphere] if partial else [()]
+        scores = torch.stack(
+            [
+                torch.cat([URed.score(branch.residual(features, own, code, *more)) for code in self.codes.split(CHUNK)])
+                for more in extra
+            ]
+        )
+        near = scores.amin(0).argsort(stable=True)[:top_k]
+        boxes = self.boxes.take(near)
+        motion = branch.deformation(self.codes[near], own.expand(len(near), -1), self.parts[near], boxes.parts)
+        deformed = boxes.moved(self.sources.points[near], motion)
+        return Explanation(tuple(self.sources.model_ids[row] for row in near.tolist()), deformed)
+
+
+def _boxes(sources: Sources, parts: int) -> PartBoxes:
+    return PartBoxes.stack([cut(item.mesh, item.vertices, item.points, parts) for item in sources.meshes])

@@ -1,0 +1,1 @@
+"""Up axis, yaw and category of a scan."""

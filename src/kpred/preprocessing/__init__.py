@@ -1,0 +1,1 @@
+"""Cleaning of scans: outliers, planes, floor and walls, downsampling."""

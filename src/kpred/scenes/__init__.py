@@ -1,0 +1,1 @@
+"""Room scans, and the objects labelled in them."""

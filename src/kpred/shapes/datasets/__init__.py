@@ -1,8 +1,0 @@
-"""Data sets as they lie on disk: what is there, what is missing, and mesh packs made of them."""
-
-from kpred.shapes.datasets.check import Check, Lack
-from kpred.shapes.datasets.dataset import Dataset, ShapeFile
-from kpred.shapes.datasets.find import KINDS, open_dataset
-from kpred.shapes.datasets.prepare import Prepared, prepare_dataset
-
-__all__ = ["KINDS", "Check", "Dataset", "Lack", "Prepared", "ShapeFile", "open_dataset", "prepare_dataset"]

@@ -1,5 +1,0 @@
-"""Seeded parametric furniture: labelled parts, structural families, packs of shapes."""
-
-from kpred.shapes.synthetic.generator import FAMILIES, build, generate
-
-__all__ = ["FAMILIES", "build", "generate"]

@@ -1,0 +1,1 @@
+"""Cabinet families."""

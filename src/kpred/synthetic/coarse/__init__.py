@@ -1,0 +1,1 @@
+"""Coarse furniture of cuboids, as in part data sets."""

@@ -1,0 +1,123 @@
+"""Packs of seeded synthetic furniture, and of things that are none, balanced over structural families."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+
+import numpy as np
+
+from kpred.errors import ConfigError
+from kpred.shapes.mesh import Mesh
+from kpred.shapes.pack import MeshPack
+from kpred.synthetic.assembly import assemble, cuboid_parts
+from kpred.synthetic.part import Part
+
+Family = Callable[[np.random.Generator], list[Part]]
+
+_HOME = {
+    "chair": ("chair.chair", "CHAIR_FAMILIES"),
+    "table": ("table.table", "TABLE_FAMILIES"),
+    "cabinet": ("cabinet.cabinet", "CABINET_FAMILIES"),
+    "other": ("others.others", "OTHER_FAMILIES"),
+}
+_SOURCE_SHARE, _TRAIN_SHARE = 0.15, 0.70
+
+
+class _Families(Mapping[str, dict[str, Family]]):
+    """Category -> family name -> builder; a category's module is imported when it is first asked for."""
+
+    def __getitem__(self, category: str) -> dict[str, Family]:
+        module, name = _HOME[category]
+        families: dict[str, Family] = getattr(import_module(f"kpred.synthetic.{module}"), name)
+        return families
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_HOME)
+
+    def __len__(self) -> int:
+        return len(_HOME)
+
+
+FAMILIES: Mapping[str, dict[str, Family]] = _Families()
+
+
+def generate(
+    category: str, count: int, seed: int, cuboids: float = 0.0, splits: bool = True, coarse: float = 0.0
+) -> MeshPack:
+    """Pack of `count` shapes of "chair", "table", "cabinet" or "other"; the families take turns.
+
+    Metres, y up, front +z, floor at y = 0, bounding box centred in x and z. Shape i depends only on category, seed
+    and i, and a pack with a larger count begins with the same shapes. `cuboids` in [0, 1] is the share of shapes
+    whose parts are replaced by their boxes, `coarse` that of shapes of few plain boxes (`COARSE_FAMILIES`, drawn by
+    their weights; there are none of "other"). With `splits` 15 % of shapes are source, 70 % train and 15 % val at
+    random by seed, else all are source. `model_id` is family_seed_index; extra arrays: `factory` (the family),
+    `seed`, `cuboid` (bool).
+
+    Raises:
+        ConfigError: unknown category, negative count or seed, `cuboids` or `coarse` outside [0, 1], or coarse "other".
+
+    """
+    if category not in FAMILIES:
+        raise ConfigError(f"there is no generator for '{category}'; choose one of {', '.join(FAMILIES)}")
+    if count < 0 or seed < 0:
+        raise ConfigError(f"count and seed must not be negative, but are {count} and {seed}")
+    for kind, share in (("cuboid", cuboids), ("coarse", coarse)):
+        if not 0.0 <= share <= 1.0:
+            raise ConfigError(f"the share of {kind} shapes must lie in [0, 1], but is {share}")
+    if coarse and category == "other":
+        raise ConfigError("there are no coarse shapes of 'other'; leave their share at 0")
+    names = list(FAMILIES[category])
+    labels: dict[str, int] = {}
+    meshes: list[Mesh] = []
+    boxed: list[bool] = []
+    split: list[str] = []
+    factories = [names[i % len(names)] for i in range(count)]
+    if coarse:
+        # Drawn apart too: the shapes that stay as they were keep their place.
+        factories = [_coarse_or(name, category, [seed, i, 2], coarse) for i, name in enumerate(factories)]
+    for i, factory in enumerate(factories):
+        # Drawn apart from the geometry, so that the share of cuboids does not change the shapes themselves.
+        lot, box_lot = np.random.default_rng([seed, i, 0]).random(2)
+        split.append(_split_of(lot) if splits else "source")
+        boxed.append(bool(box_lot < cuboids))
+        parts = build(category, factory, [seed, i, 1])
+        # Numbered in order of appearance: the numbers of a prefix stay as they are.
+        for part in parts:
+            labels.setdefault(part.label, len(labels))
+        meshes.append(assemble(cuboid_parts(parts) if boxed[-1] else parts, f"{factory}_{seed}_{i}", list(labels)))
+    return MeshPack.from_meshes(
+        meshes,
+        [mesh.name for mesh in meshes],
+        split,
+        category,
+        part_names=list(labels),
+        extra={
+            "factory": np.array(factories, dtype=str),
+            "seed": np.full(count, str(seed)),
+            "cuboid": np.array(boxed, dtype=bool),
+        },
+    )
+
+
+def build(category: str, family: str, seed: int | list[int]) -> list[Part]:
+    """Parts of one shape of a family, coarse or not; equal seeds give equal shapes."""
+    families: Mapping[str, Family] = FAMILIES[category]
+    if family not in families:
+        families = import_module("kpred.synthetic.coarse.coarse").COARSE_FAMILIES[category]
+    return families[family](np.random.default_rng(seed))
+
+
+def _coarse_or(family: str, category: str, seed: list[int], share: float) -> str:
+    """A coarse family's name with the probability `share`, else the given one."""
+    rng = np.random.default_rng(seed)
+    if rng.random() >= share:
+        return family
+    name: str = import_module("kpred.synthetic.coarse.coarse").any_coarse_family(category, rng)
+    return name
+
+
+def _split_of(lot: float) -> str:
+    if lot < _SOURCE_SHARE:
+        return "source"
+    return "train" if lot < _SOURCE_SHARE + _TRAIN_SHARE else "val"

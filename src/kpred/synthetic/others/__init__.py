@@ -1,0 +1,1 @@
+"""Shapes that are no furniture: negatives for the recognizer."""

@@ -1,0 +1,76 @@
+"""How retrieval is judged: laws of a ranking, and agreement with the oracle of the protocols."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from kpred.evaluation import evaluate
+from kpred.evaluation.tables.ranking import NEARLY_BEST, ORDERS, RANK, TRUE_BEST, Ranking, scores_of
+from kpred.evaluation.tables.table_data import Series
+from kpred.evaluation.tables.tables import TableConfig, make_table
+from kpred.nn import Model
+
+WHERE = Series("m", "", "full", 0.0, "cd", None)
+
+
+def _ranking(rng: np.random.Generator, models: int = 30) -> Ranking:
+    return Ranking(np.sort(rng.random(models)), rng.random(models), rng.random(models) + 0.1, rng.random(models))
+
+
+def test_an_order_by_the_error_itself_is_perfect_and_its_reverse_is_not(rng: np.random.Generator) -> None:
+    error = np.sort(rng.random(30))
+    perfect = Ranking(error, error, error, error[::-1].copy())
+    assert perfect.rank_of_best("tokens") == 1
+    assert perfect.correlation("tokens") == pytest.approx(1)
+    assert perfect.rank_of_best("undeformed_distance") == 30
+    assert perfect.correlation("undeformed_distance") == pytest.approx(-1)
+
+
+def test_correlation_is_that_of_scipy_and_ties_say_nothing(rng: np.random.Generator) -> None:
+    ranking = _ranking(rng)
+    for order in ORDERS:
+        assert ranking.correlation(order) == pytest.approx(spearmanr(ranking.judged_by(order), ranking.refined)[0])
+    assert replace(ranking, feed_forward=np.ones(30)).correlation("feed_forward_error") == 0
+
+
+def test_the_true_best_is_in_every_top_from_its_rank_on(rng: np.random.Generator) -> None:
+    for _ in range(20):
+        ranking = _ranking(rng)
+        found = {(series.method, series.top_k): value for series, value in scores_of(ranking, WHERE, range(1, 31))}
+        for order in ORDERS:
+            place = found[f"{RANK}_by_{order}", None]
+            hits = [found[f"{TRUE_BEST}_by_{order}", k] for k in range(1, 31)]
+            assert hits == [float(k >= place) for k in range(1, 31)]
+            near = [found[f"{NEARLY_BEST}_by_{order}", k] for k in range(1, 31)]
+            assert near == sorted(near)
+            assert all(a >= b for a, b in zip(near, hits, strict=True))
+        refined = [found["refined", k] for k in range(1, 31)]
+        assert refined == sorted(refined, reverse=True)
+        assert refined[-1] == found["refined", None] == ranking.refined.min()
+
+
+def test_the_oracle_is_that_of_the_protocols(packs: dict[str, Path], model: Model) -> None:
+    table = make_table([packs["chair"]], {"m": model}, TableConfig("oracle", top_k=(1, 9), limit=2, occlusions=(0.5,)))
+    rows = evaluate([packs["chair"]], model, top_k=4, limit=2, oracle=True, protocol="all", occlusions=(0.5,))
+    for protocol in ("full", "partial"):
+        for method in ("refined", "feed_forward"):
+            wanted = next(row.value for row in rows if (row.metric, row.protocol) == (f"oracle_{method}", protocol))
+            for top_k in (9, None):
+                series = next(
+                    one for one in table.values if (one.method, one.protocol, one.top_k) == (method, protocol, top_k)
+                )
+                cell = table.cell(series, "generated", "chair")
+                assert cell is not None
+                assert cell.value == pytest.approx(wanted, rel=1e-5)
+    hits = [values for one, values in table.values.items() if one.method.startswith(TRUE_BEST) and one.top_k == 9]
+    assert hits and all(set(values.values()) == {1.0} for values in hits)
+
+
+def test_sorting_the_nearest_again_leaves_the_others_where_they_are(rng: np.random.Generator) -> None:
+    ranking = _ranking(rng, 150)
+    rows = ranking.judged_by("feed_forward_error_of_100").argsort(kind="stable")
+    assert rows[:100].tolist() == ranking.feed_forward[:100].argsort(kind="stable").tolist()
+    assert rows[100:].tolist() == list(range(100, 150))
