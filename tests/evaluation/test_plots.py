@@ -17,7 +17,7 @@ from kpred.evaluation.plots.tokens import spread, token_distances, tokens_figure
 from kpred.evaluation.plots.tsne import joint_probabilities, tsne
 from kpred.evaluation.plots.views import blank, keypoint_colors, mesh_picture, with_lines, with_points
 from kpred.evaluation.searched import searched
-from kpred.evaluation.tables.table_data import Series, Subject, Table
+from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.nn import Model
 
 

@@ -18,7 +18,7 @@ from kpred.fitting import fit_scene as scene_module
 from kpred.fitting.fit_scene import SceneFit, fit_scene, upright
 from kpred.nn import Model, ModelConfig
 from kpred.rendering.picture import PictureWarning
-from kpred.rendering.picture_scene import PICTURE_SIZE, save_scene_picture, scene_view
+from kpred.rendering.scene_picture import PICTURE_SIZE, save_scene_picture, scene_view
 from kpred.scenes.floor import SceneFloor
 from kpred.scenes.objects import SceneObject, objects_of
 from kpred.scenes.scan2cad import compose, read_annotations
@@ -298,7 +298,7 @@ def test_the_picture_shows_scan_and_models(
 ) -> None:
     from matplotlib.image import imread
 
-    from kpred.rendering import picture_scene
+    from kpred.rendering import scene_picture as picture_scene
 
     if not graphics:
         monkeypatch.setattr(picture_scene, "_draw_apart", lambda *arguments: "there are no graphics here")

@@ -15,7 +15,7 @@ from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, errors_of, la
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.table_data import Series, Table
+    from kpred.evaluation.tables.table import Series, Table
     from kpred.training.config import TrainConfig
 
 
@@ -82,8 +82,8 @@ class AblationCommand(PackTableCommand):
         from kpred.cli.devices import found_device, limit_threads
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.tables.ablation_table import make_ablation_table
+        from kpred.evaluation.tables.make_table import TableConfig
         from kpred.evaluation.tables.measuring import SourcePack
-        from kpred.evaluation.tables.tables import TableConfig
         from kpred.nn.config import preset
         from kpred.training.ablations import AblationRuns, recorded_training, rows_named
 

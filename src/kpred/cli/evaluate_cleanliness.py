@@ -9,7 +9,7 @@ from kpred.cli.output import Output
 from kpred.cli.table_options import label
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.table_data import Table
+    from kpred.evaluation.tables.table import Table
 
 COLUMNS = {
     "flatness": ("flat %", 100.0),

@@ -42,7 +42,7 @@ class CompareCommand(Command):
         from kpred.atomic import check_place
         from kpred.evaluation.metrics.summary import finite, write_report
         from kpred.evaluation.tables.compare import compare, settings_changed
-        from kpred.evaluation.tables.table_data import read_table
+        from kpred.evaluation.tables.table import read_table
 
         if self.output is not None:
             check_place(self.output)

@@ -11,8 +11,8 @@ from kpred.cli.output import Output
 from kpred.cli.table_options import NOTE, MeasuredCommand, print_pivot
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.table_data import Series, Table
-    from kpred.evaluation.tables.tables import TableConfig
+    from kpred.evaluation.tables.make_table import TableConfig
+    from kpred.evaluation.tables.table import Series, Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class OracleCommand(MeasuredCommand):
 
     def config(self) -> TableConfig:
         """The plan."""
-        from kpred.evaluation.tables.tables import TableConfig
+        from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig("oracle", self.split, self.limit, self.seed, self.top_k, self.occlusions)
 

@@ -14,8 +14,8 @@ from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.scans.real import CropOutcome
-    from kpred.evaluation.scans.scene_targets import SceneOutcome
+    from kpred.evaluation.scans.real_crops import CropOutcome
+    from kpred.evaluation.scans.scenes import SceneOutcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +61,9 @@ class RealCommand(Command):
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.header import made_by, versions
         from kpred.evaluation.metrics.summary import write_report
-        from kpred.evaluation.scans.real import evaluate_crops, read_crops, summarise_crops
-        from kpred.evaluation.scans.scan_outcomes import Fitting
-        from kpred.evaluation.scans.scene_targets import evaluate_scenes, summarise_scenes
+        from kpred.evaluation.scans.outcomes import Fitting
+        from kpred.evaluation.scans.real_crops import evaluate_crops, read_crops, summarise_crops
+        from kpred.evaluation.scans.scenes import evaluate_scenes, summarise_scenes
         from kpred.fitting.defaults import as_database, as_model
         from kpred.rendering.contact_sheet import check_picture, save_contact_sheet
 

@@ -14,7 +14,7 @@ from kpred.cli.output import Output
 from kpred.cli.table_options import NOTE, SHORT, ModelOptions, TableCommand, errors_of, label, shown
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.table_data import Table
+    from kpred.evaluation.tables.table import Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +40,8 @@ class Scan2CadCommand(TableCommand, ModelOptions):
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
         from kpred.cli.progress import ProgressBar
+        from kpred.evaluation.tables.make_table import TableConfig
         from kpred.evaluation.tables.scan2cad_table import make_scan2cad_table
-        from kpred.evaluation.tables.tables import TableConfig
 
         self.check()
         models, databases = self.named_models(), self.named_databases()

@@ -15,7 +15,7 @@ from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
     from kpred.evaluation.metrics.reliability import Reliability
-    from kpred.evaluation.scans.scans import ScansReport
+    from kpred.evaluation.scans.virtual_scans import ScansReport
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class ScansCommand(Command):
         from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.metrics.summary import write_report
-        from kpred.evaluation.scans.scans import evaluate_scans
+        from kpred.evaluation.scans.virtual_scans import evaluate_scans
         from kpred.rendering.contact_sheet import check_picture, save_contact_sheet
 
         if not self.packs:

@@ -16,8 +16,8 @@ from kpred.cli.output import Output
 from kpred.cli.table_options import NOTE, SHORT, MeasuredCommand, errors_of, label, print_hint, print_pivot, shown
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.table_data import Table
-    from kpred.evaluation.tables.tables import TableConfig
+    from kpred.evaluation.tables.make_table import TableConfig
+    from kpred.evaluation.tables.table import Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class FullCommand(MeasuredCommand):
 
     def config(self) -> TableConfig:
         """The plan."""
-        from kpred.evaluation.tables.tables import TableConfig
+        from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig(
             "full",
@@ -100,7 +100,7 @@ class PartialCommand(MeasuredCommand):
 
     def config(self) -> TableConfig:
         """The plan."""
-        from kpred.evaluation.tables.tables import TableConfig
+        from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig(
             "partial",
@@ -147,7 +147,7 @@ class TopKCommand(MeasuredCommand):
 
     def config(self) -> TableConfig:
         """The plan."""
-        from kpred.evaluation.tables.tables import TableConfig
+        from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig("topk", self.split, self.limit, self.seed, self.top_k, oracle=self.oracle)
 

@@ -60,7 +60,7 @@ class OcclusionCommand(_PlotCommand):
     def draw(self) -> Figure:
         """The figure."""
         from kpred.evaluation.plots.occlusion import occlusion_figure
-        from kpred.evaluation.tables.table_data import read_table
+        from kpred.evaluation.tables.table import read_table
 
         if not self.tables:
             raise UsageError("no table was named; try `kpred plot occlusion TABLE.json -o FILE.png`")

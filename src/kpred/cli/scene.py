@@ -115,7 +115,7 @@ class SceneCommand(Command):
         from kpred import __version__
         from kpred.atomic import write_together
         from kpred.cli.output import plain
-        from kpred.rendering.picture_scene import save_scene_picture
+        from kpred.rendering.scene_picture import save_scene_picture
 
         glb, record_file, annotation, lines, picture = self._files(result.scene.name)
         record = {"kpred": __version__, "scan": self.scene, "glb": glb, **result.to_json(glb.name)}

@@ -17,8 +17,8 @@ from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
     from kpred.evaluation.metrics.intervals import Interval
-    from kpred.evaluation.tables.table_data import Cell, Series, Table
-    from kpred.evaluation.tables.tables import TableConfig
+    from kpred.evaluation.tables.make_table import TableConfig
+    from kpred.evaluation.tables.table import Cell, Series, Table
 
 BUNDLED = "bundled"
 
@@ -36,7 +36,7 @@ class TableCommand(Command):
 
     def check(self) -> None:
         """Refuse what cannot work before any work is done."""
-        from kpred.evaluation.tables.table_data import table_files
+        from kpred.evaluation.tables.table import table_files
 
         if not self.packs:
             raise UsageError("no pack was named; try `kpred evaluate table full FILE.npz`")
@@ -45,7 +45,7 @@ class TableCommand(Command):
 
     def finish(self, output: Output, table: Table, seconds: float, show: Callable[[Output, Table], None]) -> None:
         """Write, print, and list what was left out."""
-        from kpred.evaluation.tables.table_data import write_table
+        from kpred.evaluation.tables.table import write_table
 
         table.header["command"], table.header["seconds"] = output.command, round(seconds, 1)
         written = write_table(table, self.output) if self.output is not None else ()
@@ -142,8 +142,8 @@ class MeasuredCommand(PackTableCommand, ModelOptions):
     def run(self, output: Output) -> None:
         """Measure with a progress bar, print and write."""
         from kpred.cli.progress import ProgressBar
+        from kpred.evaluation.tables.make_table import make_table
         from kpred.evaluation.tables.peer_rows import add_methods
-        from kpred.evaluation.tables.tables import make_table
         from kpred.evaluation.tables.target_lists import read_target_list
         from kpred.peers.methods.peers import peer_method
 

@@ -87,7 +87,7 @@ class ConfidenceCommand(Command):
         from kpred.errors import PackError
         from kpred.evaluation.metrics.summary import write_report
         from kpred.evaluation.scans.calibration import CalibrationSample, collect_samples
-        from kpred.evaluation.scans.scan_outcomes import Fitting
+        from kpred.evaluation.scans.outcomes import Fitting
         from kpred.fitting.defaults import as_database
 
         if self.samples is not None and self.samples.is_file():

@@ -20,15 +20,15 @@ from kpred.database.cache import Kept
 from kpred.database.candidates import Candidates, stacked
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
-from kpred.database.facts import facts
-from kpred.database.lost import steadily
 from kpred.database.postgres import PostgresHome, database_exists
 from kpred.database.records import StoredModel, insert_stored, read_stored, stored
+from kpred.database.retry import steadily
 from kpred.database.rows import FittingArrays, chunks, delete_rows, find_rows, read_entry, read_fitting_arrays
 from kpred.database.schema import CategoryRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result
 from kpred.database.sqlite import SqliteHome
-from kpred.database.weights import check_weights
+from kpred.database.statistics import facts
+from kpred.database.weights_check import check_weights
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
 

@@ -21,8 +21,8 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from kpred.database.address import masked
 from kpred.database.arrays import DamagedArray
 from kpred.database.backend import Added, Progress
-from kpred.database.lost import ConnectionLost
 from kpred.database.postgres_schema import check_tables, make_tables, revision
+from kpred.database.retry import ConnectionLost
 from kpred.database.rows import CategoryTokens, count_tokens, new_epoch, read_tokens
 from kpred.database.search import (
     Index,

@@ -122,7 +122,7 @@ def save_picture(fit: _Pictured, scan: np.ndarray, path: str | Path) -> bool:
             if find_spec("matplotlib") is None:
                 warnings.warn(f"No picture: {trouble}.", PictureWarning, stacklevel=2)
                 return False
-            from kpred.rendering.picture_matplotlib import draw_scene
+            from kpred.rendering.draw_matplotlib import draw_scene
 
             warnings.warn(f"Plain picture by matplotlib: {trouble}.", PictureWarning, stacklevel=2)
             draw_scene(scene, picture)
@@ -141,7 +141,7 @@ def _draw_apart(scene: Scene, folder: Path, picture: Path) -> str | None:
     arrays = {item.name: getattr(scene, item.name) for item in fields(scene)}
     np.savez(file, **arrays, center=center, radius=radius, direction=VIEW_DIRECTION, size=PICTURE_SIZE)
     # By path and not as a module: the other process then loads nothing of kpred, and no torch.
-    script = Path(__file__).with_name("picture_pyvista.py")
+    script = Path(__file__).with_name("draw_pyvista.py")
     command = [sys.executable, "-P", str(script), str(file), str(picture)]
     try:
         done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, timeout=_SECONDS)

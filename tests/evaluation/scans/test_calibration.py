@@ -18,7 +18,7 @@ from kpred.evaluation.scans.calibration import (
     probability,
     regression,
 )
-from kpred.evaluation.scans.scan_outcomes import Fitting
+from kpred.evaluation.scans.outcomes import Fitting
 from kpred.evaluation.searched import searched
 from kpred.fitting.confidence import BUILT_IN, FEATURES, Evidence, confidence
 from kpred.nn import Model

@@ -19,7 +19,7 @@ from kpred.evaluation.scans.calibration_scans import (
     uneven,
     without_blocks,
 )
-from kpred.evaluation.scans.scan_targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.shapes.mesh import Mesh
 from kpred.synthetic.generator import generate
 

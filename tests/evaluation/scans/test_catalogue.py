@@ -12,12 +12,12 @@ import trimesh
 from kpred.database import Database, Entry, build_database
 from kpred.errors import ConfigError, DatabaseError, PackError, ScanError
 from kpred.evaluation.metrics.summary import Scope
-from kpred.evaluation.scans import scan_outcomes
+from kpred.evaluation.scans import outcomes as scan_outcomes
 from kpred.evaluation.scans.catalogue import CatalogueConfig, CatalogueReport, evaluate_catalogue
 from kpred.evaluation.scans.catalogue_outcomes import CatalogueOutcome, board_thickness, measure_catalogue_scan
 from kpred.evaluation.scans.catalogue_summaries import FIRST, summarise_catalogue
-from kpred.evaluation.scans.scan_outcomes import Fitting
-from kpred.evaluation.scans.scan_targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.outcomes import Fitting
+from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.evaluation.searched import searched
 from kpred.fitting import Fit, fit
 from kpred.nn import Model

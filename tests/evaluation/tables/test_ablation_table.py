@@ -8,9 +8,9 @@ import pytest
 from kpred.errors import ConfigError
 from kpred.evaluation.tables import ablation_table
 from kpred.evaluation.tables.ablation_table import EFFECTS, effects, make_ablation_table
+from kpred.evaluation.tables.make_table import TableConfig, make_table
 from kpred.evaluation.tables.measuring import SourcePack
-from kpred.evaluation.tables.table_data import Table
-from kpred.evaluation.tables.tables import TableConfig, make_table
+from kpred.evaluation.tables.table import Table
 from kpred.nn import ModelConfig
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate

@@ -8,7 +8,7 @@ from scipy.stats import wilcoxon
 
 from kpred.errors import ConfigError
 from kpred.evaluation.tables.compare import compare, settings_changed
-from kpred.evaluation.tables.table_data import Series, Subject, Table
+from kpred.evaluation.tables.table import Series, Subject, Table
 
 
 def make(model: str, shift: float = 0.0, seed: int = 0, width: int = 8) -> Table:

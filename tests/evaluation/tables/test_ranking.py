@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import spearmanr
 
 from kpred.evaluation import evaluate
+from kpred.evaluation.tables.make_table import TableConfig, make_table
 from kpred.evaluation.tables.ranking import NEARLY_BEST, ORDERS, RANK, TRUE_BEST, Ranking, scores_of
-from kpred.evaluation.tables.table_data import Series
-from kpred.evaluation.tables.tables import TableConfig, make_table
+from kpred.evaluation.tables.table import Series
 from kpred.nn import Model
 
 WHERE = Series("m", "", "full", 0.0, "cd", None)

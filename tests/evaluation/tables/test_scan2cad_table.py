@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from kpred.errors import ScanError
+from kpred.evaluation.tables.make_table import TableConfig
 from kpred.evaluation.tables.scan2cad_table import ANNOTATED, make_scan2cad_table
-from kpred.evaluation.tables.table_data import Subject, Table
-from kpred.evaluation.tables.tables import TableConfig
+from kpred.evaluation.tables.table import Subject, Table
 from kpred.nn import Model
 
 CONFIG = TableConfig("scan2cad", top_k=(2,), unknown_frame=True)

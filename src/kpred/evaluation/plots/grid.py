@@ -15,10 +15,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from kpred.evaluation.plots.figure import new_figure, show_pictures
 from kpred.evaluation.plots.views import blank, mesh_picture, with_points
-from kpred.evaluation.scans.scan_outcomes import Fitting, tried
+from kpred.evaluation.scans.outcomes import Fitting, tried
 from kpred.evaluation.searched import Progress
+from kpred.evaluation.tables.make_table import loaded_models
 from kpred.evaluation.tables.measuring import OpenPack, Plan, Store, checked_packs, open_pack, pack_files
-from kpred.evaluation.tables.tables import loaded_models
 from kpred.evaluation.tables.targets import Target
 from kpred.fitting import Fit, RefineConfig
 from kpred.nn import Model
@@ -65,7 +65,7 @@ def grid_figure(
     Everything is in the known frame. Under each result stands its CD, of partial targets UCD, unit box squared.
 
     Raises:
-        PackError, ModelError, DatabaseError, ConfigError: see `kpred.evaluation.tables.tables.make_table`.
+        PackError, ModelError, DatabaseError, ConfigError: see `kpred.evaluation.tables.make_table.make_table`.
     """
     loaded, stores = loaded_models(models), dict(databases or {})
     sources = checked_packs(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from kpred.errors import ConfigError
 from kpred.evaluation.plots.figure import COLORS, new_figure
 from kpred.evaluation.tables.rows import WHOLE
-from kpred.evaluation.tables.table_data import Series, Table
+from kpred.evaluation.tables.table import Series, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,8 +17,8 @@ from kpred.evaluation.metrics.reliability import Reliability, reliability
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
 from kpred.evaluation.scans.calibration_scans import make_calibration_scan
-from kpred.evaluation.scans.scan_outcomes import NEAR, YAW_RIGHT, Fitting, moved, tried
-from kpred.evaluation.scans.scan_targets import ScanTarget
+from kpred.evaluation.scans.outcomes import NEAR, YAW_RIGHT, Fitting, moved, tried
+from kpred.evaluation.scans.targets import ScanTarget
 from kpred.evaluation.searched import Progress, content_hash
 from kpred.evaluation.tables.measuring import pack_files
 from kpred.evaluation.tables.targets import chosen_rows, make_target

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kpred.evaluation.metrics.symmetry import turned
-from kpred.evaluation.scans.scan_targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.ops.typing import Float
 from kpred.shapes.mesh import Mesh
 

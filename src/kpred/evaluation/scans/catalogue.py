@@ -1,6 +1,6 @@
 """Models of the database, scanned: are they found again, and are they left as they are?
 
-Every target is a model that the database holds. It is scanned virtually (`kpred.evaluation.scans.scan_targets`) in
+Every target is a model that the database holds. It is scanned virtually (`kpred.evaluation.scans.targets`) in
 its own size, turned and moved, and fitted with its up axis and category given.
 """
 
@@ -20,8 +20,8 @@ from kpred.evaluation.header import made_by, versions
 from kpred.evaluation.metrics.summary import ALL, Scope, Summary
 from kpred.evaluation.scans.catalogue_outcomes import CatalogueOutcome, measure_catalogue_scan
 from kpred.evaluation.scans.catalogue_summaries import summarise_catalogue
-from kpred.evaluation.scans.scan_outcomes import Fitting
-from kpred.evaluation.scans.scan_targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.outcomes import Fitting
+from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
 from kpred.evaluation.tables.measuring import pack_files
 from kpred.evaluation.tables.targets import chosen_rows, limited

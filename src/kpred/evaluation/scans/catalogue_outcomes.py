@@ -15,8 +15,8 @@ from kpred.database import Entry
 from kpred.evaluation.metrics.summary import finite
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.scan_outcomes import YAW_RIGHT, Fitting, claimed, moved, tried
-from kpred.evaluation.scans.scan_targets import ScanTarget
+from kpred.evaluation.scans.outcomes import YAW_RIGHT, Fitting, claimed, moved, tried
+from kpred.evaluation.scans.targets import ScanTarget
 from kpred.fitting import Fit
 from kpred.ops.typing import Float
 from kpred.shapes.structure.cleanliness import thickness_ratios

@@ -17,9 +17,9 @@ from kpred.errors import ConfigError, PackError
 from kpred.evaluation.header import weights_hash
 from kpred.evaluation.searched import Progress, content_hash
 from kpred.evaluation.tables.compare import Comparison, compare_series
+from kpred.evaluation.tables.make_table import TableConfig, add_measured, header_of
 from kpred.evaluation.tables.measuring import SourcePack, pack_files
-from kpred.evaluation.tables.table_data import Table, merged, read_table, write_table
-from kpred.evaluation.tables.tables import TableConfig, add_measured, header_of
+from kpred.evaluation.tables.table import Table, merged, read_table, write_table
 from kpred.nn import Model, load_model
 from kpred.shapes import MeshPack
 from kpred.training.ablations import Ablation, AblationRuns

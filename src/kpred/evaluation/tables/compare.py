@@ -17,7 +17,7 @@ from scipy.stats import wilcoxon
 
 from kpred.errors import ConfigError
 from kpred.evaluation.metrics.intervals import ratio_interval
-from kpred.evaluation.tables.table_data import ALL, NO_MODEL, Series, Subject, Table
+from kpred.evaluation.tables.table import ALL, NO_MODEL, Series, Subject, Table
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 import trimesh
 
-from kpred.evaluation.scans.scan_outcomes import Fitting, moved, tried
-from kpred.evaluation.scans.scan_targets import random_frame
+from kpred.evaluation.scans.outcomes import Fitting, moved, tried
+from kpred.evaluation.scans.targets import random_frame
 from kpred.evaluation.tables.rows import CD, UCD, UCD_WHOLE, WHOLE, Score
 from kpred.evaluation.tables.targets import Target
 from kpred.fitting import RefineConfig

@@ -13,13 +13,13 @@ import torch
 
 from kpred.database import Database
 from kpred.errors import ConfigError, PackError
-from kpred.evaluation.scans.scan_outcomes import Fitting
+from kpred.evaluation.scans.outcomes import Fitting
 from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
 from kpred.evaluation.tables.baselines import NoLearning
 from kpred.evaluation.tables.frame_protocol import measure_fits
 from kpred.evaluation.tables.protocols import FULL, PARTIAL, Bench, measure
 from kpred.evaluation.tables.rows import Score
-from kpred.evaluation.tables.table_data import ALL, NO_MODEL
+from kpred.evaluation.tables.table import ALL, NO_MODEL
 from kpred.evaluation.tables.targets import Target, read_targets
 from kpred.fitting import RefineConfig
 from kpred.nn import Model

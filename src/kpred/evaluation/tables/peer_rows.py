@@ -12,9 +12,9 @@ from typing import Any
 from kpred.errors import ConfigError
 from kpred.evaluation.methods import Method, evaluate_methods
 from kpred.evaluation.searched import Progress
+from kpred.evaluation.tables.make_table import TableConfig
 from kpred.evaluation.tables.rows import WHOLE
-from kpred.evaluation.tables.table_data import Series, Subject, Table
-from kpred.evaluation.tables.tables import TableConfig
+from kpred.evaluation.tables.table import Series, Subject, Table
 
 METHOD = "feed_forward"
 

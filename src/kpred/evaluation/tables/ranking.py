@@ -21,7 +21,7 @@ from kpred.evaluation.tables.baselines import CHUNK, undeformed_errors
 from kpred.evaluation.tables.measuring import OpenPack, Plan, SourcePack, Store, open_pack
 from kpred.evaluation.tables.protocols import PARTIAL
 from kpred.evaluation.tables.rows import CD, UCD, UNIT
-from kpred.evaluation.tables.table_data import Series, Subject, Table
+from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve
 from kpred.fitting.encoding import observe

@@ -14,7 +14,7 @@ from kpred.evaluation.searched import SOURCE_SPLIT, Progress
 from kpred.evaluation.tables.measuring import Plan, checked_packs, measure_pack, numbers, pack_files, steps_of
 from kpred.evaluation.tables.protocols import FULL
 from kpred.evaluation.tables.rows import FRAME, UNIT, Row, Score, aggregate
-from kpred.evaluation.tables.table_data import ALL
+from kpred.evaluation.tables.table import ALL
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
 from kpred.refinement.structure_config import StructureConfig

@@ -21,16 +21,16 @@ import torch
 from kpred.database import Database
 from kpred.errors import KpredError, ScanError
 from kpred.evaluation.header import made_by, versions
-from kpred.evaluation.scans.scan_outcomes import moved
-from kpred.evaluation.scans.scene_targets import ANNOTATIONS, annotated_mesh, annotated_rotation, scan_of
+from kpred.evaluation.scans.outcomes import moved
+from kpred.evaluation.scans.scenes import ANNOTATIONS, annotated_mesh, annotated_rotation, scan_of
 from kpred.evaluation.searched import Progress, content_hash, counter, searched
 from kpred.evaluation.tables.baselines import NoLearning
 from kpred.evaluation.tables.frame_protocol import UNKNOWN_FRAME, sampled
+from kpred.evaluation.tables.make_table import TableConfig, loaded_models, protocol_of
 from kpred.evaluation.tables.measuring import Plan, Store, check_same_shapes, pack_files
 from kpred.evaluation.tables.protocols import PARTIAL, Bench, measure_cloud
 from kpred.evaluation.tables.rows import FRAME, UCD, UCD_WHOLE, UNIT, WHOLE
-from kpred.evaluation.tables.table_data import NO_MODEL, Series, Subject, Table
-from kpred.evaluation.tables.tables import TableConfig, loaded_models, protocol_of
+from kpred.evaluation.tables.table import NO_MODEL, Series, Subject, Table
 from kpred.evaluation.tables.targets import Target
 from kpred.fitting.defaults import as_database
 from kpred.fitting.fit_scene import fit_scene

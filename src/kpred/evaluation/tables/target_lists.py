@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from kpred.errors import PackError
-from kpred.evaluation.tables.table_data import read_table
+from kpred.evaluation.tables.table import read_table
 
 _ID_COLUMNS = ("modelId", "model_id", "id")
 _SHOWN = 20

@@ -1,4 +1,4 @@
-"""Draws a saved scene with pyvista, off-screen: ``python picture_pyvista.py SCENE.npz PICTURE.png``.
+"""Draws a saved scene with pyvista, off-screen: ``python draw_pyvista.py SCENE.npz PICTURE.png``.
 
 Run by `kpred.rendering.picture` as a program of its own, so it imports nothing of kpred.
 """

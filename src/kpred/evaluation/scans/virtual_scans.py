@@ -1,9 +1,9 @@
 """Virtual scans of a pack's shapes, fitted with nothing given but gravity, and again with everything given.
 
-For every target (`kpred.evaluation.scans.scan_targets`): `unknown` is a fit of the scan as it stands, `known` a fit
+For every target (`kpred.evaluation.scans.targets`): `unknown` is a fit of the scan as it stands, `known` a fit
 of the same points in the whole object's unit box and canonical axes, with the category given. Both are partial scans
-with the same noise and outliers; the known one is not cleaned. The category must be found among all packs of a folder: the
-database holds the split `source` of all of them.
+with the same noise and outliers; the known one is not cleaned. The category must be found among all packs of a
+folder: the database holds the split `source` of all of them.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from kpred.errors import ConfigError, DatabaseError, MeshError, PackError
 from kpred.evaluation.header import made_by, versions
 from kpred.evaluation.metrics.reliability import Reliability
 from kpred.evaluation.metrics.summary import ALL, Scope, Summary
-from kpred.evaluation.scans import scan_targets
-from kpred.evaluation.scans.scan_outcomes import NEAR, YAW_RIGHT, Fitting, ScanOutcome, measure_other, measure_scan
-from kpred.evaluation.scans.scan_summaries import confusion, reliability_of, summarise
-from kpred.evaluation.scans.scan_targets import ScanTarget, make_scan_target
-from kpred.evaluation.scans.scan_tiles import worst_and_typical
+from kpred.evaluation.scans import targets as scan_targets
+from kpred.evaluation.scans.outcomes import NEAR, YAW_RIGHT, Fitting, ScanOutcome, measure_other, measure_scan
+from kpred.evaluation.scans.summaries import confusion, reliability_of, summarise
+from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.tiles import worst_and_typical
 from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
 from kpred.evaluation.tables.measuring import pack_files
 from kpred.evaluation.tables.targets import chosen_rows

@@ -20,8 +20,8 @@ from kpred.errors import KpredError, ScanError
 from kpred.evaluation.metrics.summary import ALL, Scope, Summary, finite
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
-from kpred.evaluation.scans.real import SPLIT
-from kpred.evaluation.scans.scan_outcomes import Fitting, claimed
+from kpred.evaluation.scans.outcomes import Fitting, claimed
+from kpred.evaluation.scans.real_crops import SPLIT
 from kpred.fitting.fit_scene import ObjectFit, fit_scene, upright
 from kpred.ops.rotations import yaw_rotation
 from kpred.rendering.contact_sheet import Tile

@@ -1,4 +1,4 @@
-"""Draws a `Scene` with matplotlib, which needs no graphics library: the fall-back of `picture_pyvista`."""
+"""Draws a `Scene` with matplotlib, which needs no graphics library: the fall-back of `draw_pyvista`."""
 
 from __future__ import annotations
 

@@ -14,12 +14,12 @@ from kpred.database import Database
 from kpred.errors import ConfigError, DatabaseError, MeshError, ModelError, PackError, ScanError
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans import scan_outcomes
-from kpred.evaluation.scans.scan_outcomes import Errors, Fitting, ScanOutcome, measure_scan, moved, tried
-from kpred.evaluation.scans.scan_summaries import confusion, reliability_of, summarise
-from kpred.evaluation.scans.scan_targets import ScanTarget, make_scan_target
-from kpred.evaluation.scans.scan_tiles import worst_and_typical
-from kpred.evaluation.scans.scans import ScansReport, evaluate_scans
+from kpred.evaluation.scans import outcomes as scan_outcomes
+from kpred.evaluation.scans.outcomes import Errors, Fitting, ScanOutcome, measure_scan, moved, tried
+from kpred.evaluation.scans.summaries import confusion, reliability_of, summarise
+from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.tiles import worst_and_typical
+from kpred.evaluation.scans.virtual_scans import ScansReport, evaluate_scans
 from kpred.evaluation.searched import searched
 from kpred.fitting import Fit
 from kpred.nn import Model

@@ -20,7 +20,7 @@ import trimesh
 from kpred.errors import ConfigError, ScanError
 from kpred.evaluation.metrics.summary import ALL, Scope, Summary, finite
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans.scan_outcomes import Fitting, claimed, tried
+from kpred.evaluation.scans.outcomes import Fitting, claimed, tried
 from kpred.evaluation.tables.cleanliness_scores import MEASURES
 from kpred.fitting import Fit
 from kpred.ops.rotations import UP_AXES, upright_rotation

@@ -12,14 +12,14 @@ from kpred.errors import ConfigError, OutputError, PackError
 from kpred.evaluation import evaluate
 from kpred.evaluation.methods import KpRedMethod
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans.scan_outcomes import Fitting
+from kpred.evaluation.scans.outcomes import Fitting
 from kpred.evaluation.searched import content_hash, searched
 from kpred.evaluation.tables.compare import compare
 from kpred.evaluation.tables.frame_protocol import measure_fits
+from kpred.evaluation.tables.make_table import TableConfig, make_table
 from kpred.evaluation.tables.peer_rows import add_methods
 from kpred.evaluation.tables.rows import CD
-from kpred.evaluation.tables.table_data import ALL, Series, Subject, Table, merged, read_table, write_table
-from kpred.evaluation.tables.tables import TableConfig, make_table
+from kpred.evaluation.tables.table import ALL, Series, Subject, Table, merged, read_table, write_table
 from kpred.evaluation.tables.target_lists import read_target_list
 from kpred.evaluation.tables.targets import read_targets
 from kpred.fitting import RefineConfig, fit

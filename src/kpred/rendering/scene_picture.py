@@ -153,7 +153,7 @@ def _draw_apart(view: SceneView, folder: Path, picture: Path) -> str | None:
     center, radius = view.camera()
     arrays = {item.name: getattr(view, item.name) for item in fields(view)}
     np.savez(file, **arrays, center=center, radius=radius, direction=VIEW_DIRECTION, size=PICTURE_SIZE)
-    script = Path(__file__).with_name("picture_scene_pyvista.py")
+    script = Path(__file__).with_name("draw_scene_pyvista.py")
     command = [sys.executable, "-P", str(script), str(file), str(picture)]
     try:
         done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, timeout=_SECONDS)

@@ -17,7 +17,7 @@ from kpred.errors import KpredError
 from kpred.evaluation.metrics.summary import finite
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.scan_targets import ScanTarget
+from kpred.evaluation.scans.targets import ScanTarget
 from kpred.fitting import Fit
 from kpred.fitting.pipeline import fit
 from kpred.nn import Model

@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from kpred.evaluation.metrics.symmetry import HALF_TURN, NONE
-from kpred.evaluation.scans.scan_targets import (
+from kpred.evaluation.scans.targets import (
     DISTANCE,
     LONGEST_SIDE,
     NOISE,

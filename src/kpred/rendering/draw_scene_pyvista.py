@@ -1,4 +1,4 @@
-"""Draws the arrays of a `SceneView` with pyvista: `python picture_scene_pyvista.py SCENE.npz PICTURE.png`.
+"""Draws the arrays of a `SceneView` with pyvista: `python draw_scene_pyvista.py SCENE.npz PICTURE.png`.
 
 Run by path in a process of its own, so that it loads nothing of kpred.
 """
@@ -21,7 +21,7 @@ def draw_scene(scene: Mapping[str, np.ndarray], path: Path) -> None:
     """Write the two panels to the PNG `path`. Needs pyvista and a graphics library (EGL, OSMesa or X).
 
     Args:
-        scene: the arrays of a `kpred.rendering.picture_scene.SceneView` by name, and center (3,), radius (), direction
+        scene: the arrays of a `kpred.rendering.scene_picture.SceneView` by name, and center (3,), radius (), direction
             (3,) of the camera and size (2,) of the picture in pixels.
     """
     import pyvista as pv

@@ -1,7 +1,7 @@
 """From outcomes of virtual scans to summaries, a confusion of categories and the reliability of confidence.
 
 Metrics (`unknown`: nothing given but gravity; `known`: box, pose and category given;
-see `kpred.evaluation.scans.scans`):
+see `kpred.evaluation.scans.virtual_scans`):
     ucd_whole_unknown, ucd_whole_known, ucd_whole_ratio         from the whole true surface to the result
     ucd_visible_unknown, ucd_visible_known, ucd_visible_ratio   from what the camera saw, without noise
     distance_whole_unknown   mean distance from the whole true surface to the result
@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from kpred.evaluation.metrics.reliability import Reliability, reliability
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.symmetry import SYMMETRIES
-from kpred.evaluation.scans.scan_outcomes import ScanOutcome
+from kpred.evaluation.scans.outcomes import ScanOutcome
 from kpred.training.recognition_data import OTHER
 
 UNIT_BOX = "true unit box of the whole object"

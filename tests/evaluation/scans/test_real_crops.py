@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 from kpred.errors import ConfigError, ScanError
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between
-from kpred.evaluation.scans import real
-from kpred.evaluation.scans.real import Crop, CropOutcome, evaluate_crops, read_crops, summarise_crops
-from kpred.evaluation.scans.scan_outcomes import Fitting
-from kpred.evaluation.scans.scene_targets import (
+from kpred.evaluation.scans import real_crops as real
+from kpred.evaluation.scans.outcomes import Fitting
+from kpred.evaluation.scans.real_crops import Crop, CropOutcome, evaluate_crops, read_crops, summarise_crops
+from kpred.evaluation.scans.scenes import (
     SceneOutcome,
     annotated_centre,
     annotated_mesh,

@@ -29,7 +29,7 @@ from kpred.evaluation.tables.measuring import (
 from kpred.evaluation.tables.protocols import FULL, PARTIAL
 from kpred.evaluation.tables.ranking import add_rankings
 from kpred.evaluation.tables.rows import FRAME, UNIT
-from kpred.evaluation.tables.table_data import Series, Subject, Table
+from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.evaluation.tables.target_lists import listed
 from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
