@@ -37,7 +37,7 @@ COMMANDS = {
 }
 """Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is asked for."""
 
-_MODULES = {"fit-depth": "depth", "fit-many": "fit_many"}
+MODULES = {"fit-depth": "depth", "fit-many": "fit_many"}
 """Modules of commands whose name is no module's."""
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -98,7 +98,7 @@ def _run(name: str, words: list[str]) -> int:
     from kpred.cli.output import Output
     from kpred.database.address import masked
 
-    module = import_module(f"kpred.cli.{_MODULES.get(name, name)}")
+    module = import_module(f"kpred.cli.{MODULES.get(name, name)}")
     line = masked(shlex.join(["kpred", name, *words]))
     found: Group | type[Command] = module.COMMAND
     summary, implied = COMMANDS[name], getattr(module, "IMPLIED", None)
