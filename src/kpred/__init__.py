@@ -38,7 +38,7 @@ __all__ = [
     "write_mesh",
 ]
 
-_HOME = {
+_MODULES = {
     "Database": "kpred.database",
     "Fit": "kpred.fitting",
     "fit": "kpred.fitting.pipeline",  # the function: the package has a module of this name too
@@ -52,12 +52,12 @@ _HOME = {
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module 'kpred' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(_HOME))
+    return sorted(set(globals()) | set(_MODULES))

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from kpred.batch import BatchSettings, fit_many
-from kpred.batch.journal import Ledger
+from kpred.batch.journal import Journal
 from kpred.batch.run import _Batch
 from kpred.batch.task import Task, read_tasks
 from kpred.batch.worker import Outcome
-from kpred.batch.worker_pool import ProcessCrew
+from kpred.batch.worker_pool import ProcessWorkerPool
 from kpred.errors import ConfigError, ManifestError
 from kpred.nn import ModelConfig, save_network
 from kpred.synthetic.generator import generate
@@ -96,9 +96,9 @@ def test_another_batch_is_refused_and_so_is_a_second_run(place, settings, whole,
     with pytest.raises(ManifestError, match="top_k was 10"):
         fit_many(place / "scans", out, BatchSettings(**{**settings.to_dict(), "top_k": 3}), workers=1)
     job = {"source": "x"}
-    with Ledger(tmp_path / "out", job), pytest.raises(ManifestError, match="another run"):
-        Ledger(tmp_path / "out", job)
-    with Ledger(tmp_path / "out", job):
+    with Journal(tmp_path / "out", job), pytest.raises(ManifestError, match="another run"):
+        Journal(tmp_path / "out", job)
+    with Journal(tmp_path / "out", job):
         pass
     (tmp_path / "empty").mkdir()
     with pytest.raises(ManifestError, match="no scans"):
@@ -183,7 +183,7 @@ def test_a_parquet_manifest_with_broken_rows(place, settings, tmp_path):
 
 
 class Unreliable:
-    """A crew without processes, of which tasks named `killer` kill a worker, and all that is at hand dies with it."""
+    """A pool without processes, of which tasks named `killer` kill a worker, and all that is at hand dies with it."""
 
     size = 2
 
@@ -214,25 +214,25 @@ class Unreliable:
 @pytest.mark.parametrize("together", [1, 2, 3])
 def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path, together):
     names = ["a", "b", "killer", "c", "d", "e", "f"]
-    crew = Unreliable({"b": 1, "e": 9})
+    pool = Unreliable({"b": 1, "e": 9})
     read = []
 
     def tasks():
         for name in names:
             read.append(name)
-            assert len(read) <= len(set(read) - set(crew_names(crew))) + 4 * together  # never far ahead of the work
+            assert len(read) <= len(set(read) - set(pool_names(pool))) + 4 * together  # never far ahead of the work
             yield Task(name, name)
 
-    with Ledger(tmp_path, {}) as ledger:
-        report = _Batch(crew, ledger, attempts=3, progress=None, together=together).run(tasks())
+    with Journal(tmp_path, {}) as journal:
+        report = _Batch(pool, journal, attempts=3, progress=None, together=together).run(tasks())
     assert dict(report.failed) == {"killer": "the process that fitted it died", "e": "the disk was full"}
     assert report.fitted == 5
-    assert crew.most <= 4
+    assert pool.most <= 4
     assert sorted(row["name"] for row in rows(tmp_path)) == ["a", "b", "c", "d", "f"]
 
 
-def crew_names(crew):
-    return [task.name for group in crew.at_hand for task in group]
+def pool_names(pool):
+    return [task.name for group in pool.at_hand for task in group]
 
 
 def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
@@ -242,12 +242,12 @@ def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", folder)
     monkeypatch.setattr("kpred.batch.worker_pool.fit_tasks", import_module("killing_worker").killing_fit)
     out = tmp_path / "out"
-    with Ledger(out, {}) as ledger:
-        crew = ProcessCrew(1, settings, str(out))
+    with Journal(out, {}) as journal:
+        pool = ProcessWorkerPool(1, settings, str(out))
         try:
-            report = _Batch(crew, ledger, attempts=2, progress=None, together=3).run(read_tasks(place / "scans"))
+            report = _Batch(pool, journal, attempts=2, progress=None, together=3).run(read_tasks(place / "scans"))
         finally:
-            crew.close()
+            pool.close()
     assert report.fitted == 6
     assert dict(report.failed)["few.xyz"] == "the process that fitted it died"
     assert len(rows(out)) == 6

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kpred.batch import BatchSettings
-from kpred.batch.journal import Ledger
+from kpred.batch.journal import Journal
 from kpred.batch.run import _Batch
 from kpred.batch.task import Task
 from kpred.errors import ConfigError
@@ -19,15 +19,15 @@ def test_no_cluster_is_told(tmp_path, monkeypatch):
     # Another test may have a cluster of its own on this machine meanwhile.
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    from kpred.batch.ray_pool import RayCrew
+    from kpred.batch.ray_pool import RayWorkerPool
 
     with pytest.raises(ConfigError, match="No Ray cluster"):
-        RayCrew("auto", 1, BatchSettings(), str(tmp_path))
+        RayWorkerPool("auto", 1, BatchSettings(), str(tmp_path))
 
 
 @pytest.mark.slow
 def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path):
-    from kpred.batch.ray_pool import RayCrew
+    from kpred.batch.ray_pool import RayWorkerPool
 
     rng = np.random.default_rng(0)
     tasks = []
@@ -37,19 +37,19 @@ def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path
         tasks.append(Task(file.name, str(file), "chair"))
     out = tmp_path / "out"
     settings = BatchSettings(category="chair", frame="known", deform="paper", clean=False)
-    with Ledger(out, {}) as ledger:
-        crew = RayCrew("local", 1, settings, str(out))
+    with Journal(out, {}) as journal:
+        pool = RayWorkerPool("local", 1, settings, str(out))
         killed = []
 
         def kill_once(report):
             if report.fitted == 1 and not killed:
-                killed.extend(crew.workers())
+                killed.extend(pool.workers())
                 os.kill(killed[0], signal.SIGKILL)
 
         try:
-            report = _Batch(crew, ledger, attempts=3, progress=kill_once).run(iter(tasks))
+            report = _Batch(pool, journal, attempts=3, progress=kill_once).run(iter(tasks))
         finally:
-            crew.close()
+            pool.close()
     assert killed
     assert report.fitted == 5
     assert report.failed == []

@@ -21,7 +21,7 @@ import trimesh
 
 from kpred.cli.main import FAILED, INTERRUPTED, OK, main
 from kpred.database import Database
-from kpred.database import sqlite as sqlite_home
+from kpred.database import sqlite as sqlite_backend
 from kpred.errors import KpredError
 from kpred.synthetic.generator import generate
 from kpred.training.checkpoint import Checkpoint
@@ -312,8 +312,8 @@ def test_a_database_locked_by_another_process(
     kind: str, work: Path, out: Path, refusal: Refusal, run_json: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The five seconds of patience are cut short; the lock and the other process are real.
-    open_file = sqlite_home.open_file
-    monkeypatch.setattr(sqlite_home, "open_file", lambda path, read_only, timeout: open_file(path, read_only, 0.05))
+    open_file = sqlite_backend.open_file
+    monkeypatch.setattr(sqlite_backend, "open_file", lambda path, read_only, timeout: open_file(path, read_only, 0.05))
     database = work / "tables.kpred"
     before = database.read_bytes()
     hold = (

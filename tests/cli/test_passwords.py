@@ -46,20 +46,20 @@ def test_no_command_prints_a_password(
 
 
 def test_a_batch_stores_no_password_and_goes_on_with_another(tmp_path: Path) -> None:
-    from kpred.batch.journal import Ledger
+    from kpred.batch.journal import Journal
     from kpred.batch.worker import BatchSettings
 
     def job(word: str) -> dict[str, object]:
         return {"source": "scans", **BatchSettings(database=f"postgresql://me:{word}@host/db").to_dict()}
 
-    with Ledger(tmp_path / "out", job("hunter2")):
+    with Journal(tmp_path / "out", job("hunter2")):
         assert "hunter2" not in (tmp_path / "out" / "job.json").read_text()
-    with Ledger(tmp_path / "out", job("rotated")):
+    with Journal(tmp_path / "out", job("rotated")):
         pass
     # What an earlier version stored is cleared, and is the same batch.
     old = job("x") | {"database": "postgresql://me:hunter2@host/db"}
     (tmp_path / "out" / "job.json").write_text(json.dumps(old))
-    with Ledger(tmp_path / "out", job("rotated")):
+    with Journal(tmp_path / "out", job("rotated")):
         assert "hunter2" not in (tmp_path / "out" / "job.json").read_text()
 
 

@@ -246,7 +246,7 @@ def test_read_only_files_are_read_and_not_written(filled, random_entry, tmp_path
 
 def test_a_full_disk_loses_nothing_committed(filled, random_entry, assert_same):
     with Database.open(filled) as database:
-        with database._home._engine.connect() as connection:
+        with database._backend._engine.connect() as connection:
             pages = connection.exec_driver_sql("PRAGMA page_count").scalar_one()
             connection.exec_driver_sql(f"PRAGMA max_page_count = {pages + 20}")
         with pytest.raises(DatabaseError, match=r"models\.kpred: the disk is full"):

@@ -46,7 +46,7 @@ def assert_same_content(left, right):
         assert a.model_ids() == b.model_ids()
         assert a.info()["categories"] == b.info()["categories"]
         everything = a.model_ids()
-        assert [m.digest() for m in a.stored(everything)] == [m.digest() for m in b.stored(everything)]
+        assert [m.digest() for m in a.records(everything)] == [m.digest() for m in b.records(everything)]
 
 
 KILLED_COPY = """
@@ -100,8 +100,8 @@ def test_a_copy_to_itself_and_of_other_weights_is_refused(path, tmp_path, random
 
 KILLED_TABLE = """
     from kpred.database import Database, token_file
-    from kpred.database import sqlite as sqlite_home
-    sqlite_home.LARGE = 20
+    from kpred.database import sqlite as sqlite_backend
+    sqlite_backend.LARGE = 20
     fill = token_file._fill
     def killed(*arguments):
         fill(*arguments)
@@ -160,7 +160,7 @@ def test_two_write_to_one_file(path, random_entry, assert_same):
 FULL = """
     import json, shutil, subprocess, warnings
     from kpred.database import Database, copy_database
-    from kpred.database import sqlite as sqlite_home
+    from kpred.database import sqlite as sqlite_backend
     from kpred.errors import DatabaseError
     source, disk = sys.argv[1:]
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", disk], check=True)
@@ -171,7 +171,7 @@ FULL = """
         answers["copy"] = str(error)
     with Database.open(disk + "/copy.kpred") as database:
         answers["kept"] = len(database)
-        sqlite_home.LARGE = 5
+        sqlite_backend.LARGE = 5
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             query = database.entry("c001").tokens

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from kpred.database import Database
-from kpred.database import sqlite as sqlite_home
+from kpred.database import sqlite as sqlite_backend
 from kpred.database.search import reference_search
 from kpred.database.token_file import open_table
 
 
 @pytest.fixture(autouse=True)
 def twenty_are_many(monkeypatch):
-    monkeypatch.setattr(sqlite_home, "LARGE", 20)
+    monkeypatch.setattr(sqlite_backend, "LARGE", 20)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kpred.database import Database, update_database
-from kpred.database import postgres as postgres_home
+from kpred.database import postgres as postgres_backend
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
 
@@ -68,7 +68,7 @@ def test_the_same_answers_as_a_file(address, random_entry, assert_same, tmp_path
 
 
 def test_very_many_models_are_found_by_the_server_s_index(address, random_entry, monkeypatch):
-    monkeypatch.setattr(postgres_home, "LARGE", 20)
+    monkeypatch.setattr(postgres_backend, "LARGE", 20)
     names = [f"m{i:03d}" for i in range(300)]
     small = {"points": 4, "vertices": 4, "faces": 2}
     with Database.create(address) as database:
@@ -139,8 +139,8 @@ from kpred.database import Database
 with Database.open(sys.argv[1]) as database:
     database.add([random_entry("kept")])
     with database._transaction(write=True) as connection:
-        from kpred.database.records import insert_stored, stored
-        insert_stored(connection, stored(random_entry("lost"), ""))
+        from kpred.database.records import insert_records, make_record
+        insert_records(connection, [make_record(random_entry("lost"), "")], "")
         os.kill(os.getpid(), 9)
 """
 

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 __all__ = ["BatchReport", "BatchSettings", "fit_many"]
 
-_HOME = {"BatchReport": "run", "BatchSettings": "worker", "fit_many": "run"}
+_MODULES = {"BatchReport": "run", "BatchSettings": "worker", "fit_many": "run"}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module 'kpred.batch' has no attribute {name!r}")
-    return getattr(import_module(f"kpred.batch.{_HOME[name]}"), name)
+    return getattr(import_module(f"kpred.batch.{_MODULES[name]}"), name)

@@ -22,7 +22,7 @@ from kpred.database.address import without_password
 from kpred.errors import ManifestError, OutputError
 
 
-class Ledger:
+class Journal:
     """One output folder, held by one run at a time."""
 
     def __init__(self, folder: Path, job: dict[str, Any]) -> None:
@@ -54,7 +54,7 @@ class Ledger:
             self._lock.close()
             raise
 
-    def __enter__(self) -> Ledger:
+    def __enter__(self) -> Journal:
         return self
 
     def __exit__(

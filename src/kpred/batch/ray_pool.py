@@ -10,7 +10,7 @@ from kpred.batch.worker import BatchSettings, Outcome, fit_tasks, single_threade
 from kpred.batch.worker_pool import Group
 
 
-class RayCrew:
+class RayWorkerPool:
     """Actors of one CPU each, on machines that all see scans and output folder under the same paths."""
 
     def __init__(self, address: str, size: int | None, settings: BatchSettings, out: str, gpus: float = 0.0) -> None:
@@ -26,13 +26,13 @@ class RayCrew:
         self._groups: dict[Any, tuple[Group, Any]] = {}
 
     def start(self, group: Group) -> None:
-        """See `Crew`."""
+        """See `WorkerPool`."""
         actor = self._idle[0]
         self._idle.rotate(-1)  # calls wait at their actor: the next one starts as soon as one ends
         self._groups[actor.fit.remote(group)] = (group, actor)
 
     def finished(self) -> list[tuple[Group, list[Outcome] | None]]:
-        """See `Crew`; the groups that waited at a dead actor come back with None too."""
+        """See `WorkerPool`; the groups that waited at a dead actor come back with None too."""
         done, _ = self._ray.wait(list(self._groups), num_returns=1)
         found: list[tuple[Group, list[Outcome] | None]] = []
         for reference in done:
@@ -48,7 +48,7 @@ class RayCrew:
         return [int(pid) for pid in self._ray.get([actor.pid.remote() for actor in self._idle])]
 
     def close(self) -> None:
-        """See `Crew`."""
+        """See `WorkerPool`."""
         for actor in self._idle:
             self._ray.kill(actor)
         self._cluster.close()

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from kpred.batch.journal import Ledger
+from kpred.batch.journal import Journal
 from kpred.batch.task import Task, other_files, read_tasks
 from kpred.batch.worker import BatchSettings, Outcome
-from kpred.batch.worker_pool import Crew, ProcessCrew
+from kpred.batch.worker_pool import ProcessWorkerPool, WorkerPool
 from kpred.errors import ConfigError
 
 _WAITING = 2
@@ -84,14 +84,14 @@ def fit_many(
     _check_resources(chosen)
     place = Path(out).resolve()
     job = {"source": str(Path(source).resolve()), **chosen.to_dict()}
-    with Ledger(place, job) as ledger:
-        crew = _crew(ray, workers, chosen, str(place), gpus)
+    with Journal(place, job) as journal:
+        pool = _worker_pool(ray, workers, chosen, str(place), gpus)
         try:
             together = _TOGETHER if chosen.batched else 1
-            report = _Batch(crew, ledger, attempts, progress, together).run(_chain(first, tasks))
+            report = _Batch(pool, journal, attempts, progress, together).run(_chain(first, tasks))
         finally:
-            crew.close()
-        ledger.write_failures(report.failed)
+            pool.close()
+        journal.write_failures(report.failed)
     if Path(source).is_dir():
         report.left_out = other_files(Path(source))
     return report
@@ -102,13 +102,13 @@ class _Batch:
 
     def __init__(
         self,
-        crew: Crew,
-        ledger: Ledger,
+        pool: WorkerPool,
+        journal: Journal,
         attempts: int,
         progress: Callable[[BatchReport], None] | None,
         together: int = 1,
     ) -> None:
-        self.crew, self.ledger, self.attempts, self.progress = crew, ledger, attempts, progress
+        self.pool, self.journal, self.attempts, self.progress = pool, journal, attempts, progress
         self.together = together
         self.report = BatchReport()
         self.tried: dict[str, int] = {}
@@ -121,7 +121,7 @@ class _Batch:
             running += self._fill(tasks, running)
             if not running:
                 return self.report
-            for group, outcomes in self.crew.finished():
+            for group, outcomes in self.pool.finished():
                 running -= 1
                 for row, task in enumerate(group):
                     self._take(task, None if outcomes is None else outcomes[row])
@@ -132,7 +132,7 @@ class _Batch:
             # What may have killed its worker runs alone: others would be taken down, and suspected, with it.
             return 0 if running else self._start([self.suspects.popleft()])
         started = 0
-        while running + started < _WAITING * self.crew.size:
+        while running + started < _WAITING * self.pool.size:
             group = [self.again.popleft()] if self.again else self._next_group(tasks)
             if not group:
                 break
@@ -143,7 +143,7 @@ class _Batch:
         for task in group:
             self.tried[task.name] = self.tried.get(task.name, 0) + 1
             self.report.retried += self.tried[task.name] > 1
-        self.crew.start(tuple(group))
+        self.pool.start(tuple(group))
         return 1
 
     def _next_group(self, tasks: Iterator[Task]) -> list[Task]:
@@ -155,7 +155,7 @@ class _Batch:
     def _next(self, tasks: Iterator[Task]) -> Task | None:
         """The next scan that is neither done nor hopeless."""
         for task in tasks:
-            if self.ledger.is_done(task):
+            if self.journal.is_done(task):
                 self.report.present += 1
             elif task.problem:
                 self.report.failed.append((task.name, task.problem))
@@ -166,7 +166,7 @@ class _Batch:
 
     def _take(self, task: Task, outcome: Outcome | None) -> None:
         if outcome is not None and outcome.row is not None:
-            self.ledger.done(task, outcome.row)
+            self.journal.done(task, outcome.row)
             self.report.fitted += 1
             self.tried.pop(task.name, None)
         elif (outcome is None or outcome.again) and self.tried[task.name] < self.attempts:
@@ -194,13 +194,13 @@ def _absolute(settings: BatchSettings) -> BatchSettings:
     return replace(settings, model=absolute(settings.model), database=absolute(settings.database))
 
 
-def _crew(ray: str | None, workers: int | None, settings: BatchSettings, out: str, gpus: float) -> Crew:
+def _worker_pool(ray: str | None, workers: int | None, settings: BatchSettings, out: str, gpus: float) -> WorkerPool:
     if ray is not None:
-        from kpred.batch.ray_pool import RayCrew
+        from kpred.batch.ray_pool import RayWorkerPool
 
-        return RayCrew(ray, workers, settings, out, gpus)
+        return RayWorkerPool(ray, workers, settings, out, gpus)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return ProcessCrew(workers or cores, settings, out)
+    return ProcessWorkerPool(workers or cores, settings, out)
 
 
 def _check_resources(settings: BatchSettings) -> None:

@@ -15,7 +15,7 @@ Group = tuple[Task, ...]
 
 
 @runtime_checkable
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Workers. A group whose worker dies comes back with None instead of outcomes."""
 
     @property
@@ -36,7 +36,7 @@ class Crew(Protocol):
         ...
 
 
-class ProcessCrew:
+class ProcessWorkerPool:
     """Processes on this machine, one thread each; new ones take the place of those that die."""
 
     def __init__(self, size: int, settings: BatchSettings, out: str) -> None:
@@ -51,7 +51,7 @@ class ProcessCrew:
         return ProcessPoolExecutor(self.size, mp_context=context, initializer=single_threaded)
 
     def start(self, group: Group) -> None:
-        """See `Crew`."""
+        """See `WorkerPool`."""
         try:
             future = self._pool.submit(fit_tasks, group, self._settings, self._out)
         except BrokenProcessPool:
@@ -60,7 +60,7 @@ class ProcessCrew:
         self._groups[future] = group
 
     def finished(self) -> list[tuple[Group, list[Outcome] | None]]:
-        """See `Crew`; when one process dies, all groups at hand come back with None."""
+        """See `WorkerPool`; when one process dies, all groups at hand come back with None."""
         done, _ = wait(self._groups, return_when=FIRST_COMPLETED)
         found: list[tuple[Group, list[Outcome] | None]] = []
         for future in done:
@@ -72,7 +72,7 @@ class ProcessCrew:
         return found
 
     def close(self) -> None:
-        """See `Crew`."""
+        """See `WorkerPool`."""
         for process in list((getattr(self._pool, "_processes", None) or {}).values()):
             if self._groups:
                 process.terminate()

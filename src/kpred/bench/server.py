@@ -13,8 +13,8 @@ from sqlalchemy import text
 from kpred.bench.figure import Figure, load, seconds, timed_figure
 from kpred.bench.searching import base_tokens, synthetic_tokens
 from kpred.database import Database
-from kpred.database.postgres import PostgresHome, ServerIndex
-from kpred.database.records import StoredModel
+from kpred.database.postgres import PostgresBackend, ServerIndex
+from kpred.database.records import ModelRecord
 from kpred.database.rows import count_tokens
 from kpred.database.search import TokenIndex
 from kpred.errors import ConfigError
@@ -40,15 +40,15 @@ def server_figures(
     try:
         with Database.create(server.get_uri()) as place:
             for at in range(0, models, _PART):
-                place.add_stored([_model(name, token) for name, token in zip(names[at:], tokens[at : at + _PART])])
+                place.add_records([_model(name, token) for name, token in zip(names[at:], tokens[at : at + _PART])])
                 tell(at, models)
-        home = PostgresHome(server.get_uri(), read_only=False, timeout=10.0)
-        with home.transaction(write=False) as connection:
+        backend = PostgresBackend(server.get_uri(), read_only=False, timeout=10.0)
+        with backend.transaction(write=False) as connection:
             counted = count_tokens(connection, "chair")
         assert counted is not None
-        plain = seconds(partial(_scan, home, counted.number, wanted[0]), 3)
-        made = seconds(partial(home.make_index, counted), 1, warm=0)
-        index, exact = ServerIndex(home, counted), TokenIndex(names, tokens.astype(np.float32))
+        plain = seconds(partial(_scan, backend, counted.number, wanted[0]), 3)
+        made = seconds(partial(backend.make_index, counted), 1, warm=0)
+        index, exact = ServerIndex(backend, counted), TokenIndex(names, tokens.astype(np.float32))
         index.ranked(wanted[0])
         times = [seconds(partial(index.ranked, query), 1, warm=0)[0] for query in wanted]
         yield timed_figure(f"server search, {models} models", times, None, "plain scan by the server", plain)
@@ -64,27 +64,27 @@ def server_figures(
             share = float(np.mean(shares))
             figure = f"share of the ten nearest that the server finds, {name}"
             yield Figure(figure, share, "", None, queries, max(shares), "", None, load(), higher_is_better=True)
-        home.close()
+        backend.close()
     finally:
         server.cleanup()
 
 
-def _model(name: str, tokens: np.ndarray) -> StoredModel:
+def _model(name: str, tokens: np.ndarray) -> ModelRecord:
     """A model that has tokens alone."""
     keypoints, size = tokens.shape
     weights = {"fingerprint": "bench", "model_name": "", "keypoint_count": keypoints, "token_size": size}
-    facts = {"meta": {}, "frame": bytes(104), "vertex_count": 0, "face_count": 0, "point_count": 0}
+    columns = {"meta": {}, "frame": bytes(104), "vertex_count": 0, "face_count": 0, "point_count": 0}
     descriptor = {"keypoints": bytes(12 * keypoints), "tokens": tokens.astype("<f2").tobytes()}
     array = {"name": "points", "dtype": "<i2", "shape": "0,3", "step": None, "codec": "raw", "data": b""}
-    return StoredModel(name, "chair", weights, facts, descriptor, (array,))
+    return ModelRecord(name, "chair", weights, columns, descriptor, (array,))
 
 
-def _scan(home: PostgresHome, category: int, query: np.ndarray) -> object:
+def _scan(backend: PostgresBackend, category: int, query: np.ndarray) -> object:
     """The ten nearest by plain L1, without an index."""
     vector = f"[{','.join(map(repr, query.ravel().astype(float).tolist()))}]"
     statement = text(
         f"SELECT model FROM embedding WHERE category_id = {category} "
         "ORDER BY tokens <+> CAST(:query AS vector) LIMIT 10"
     )
-    with home.transaction(write=False) as connection:
+    with backend.transaction(write=False) as connection:
         return connection.execute(statement, {"query": vector}).all()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kpred.database.search import SearchResult as SearchResult
     from kpred.database.update import update_database as update_database
 
-_HOME = {
+_MODULES = {
     "BuildReport": "build",
     "CopyReport": "copy",
     "copy_database": "copy",
@@ -35,14 +35,14 @@ _HOME = {
     "update_database": "update",
 }
 
-__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = sorted(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return sorted([*globals(), *_MODULES])

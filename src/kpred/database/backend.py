@@ -1,23 +1,47 @@
-"""Where a database lives: what differs between a file of SQLite and a server of PostgreSQL."""
+"""Storage of a database: the interface that a SQLite file and a PostgreSQL server share, and its retries."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from sqlalchemy import Connection
 
 from kpred.database.search import Index
+from kpred.errors import DatabaseError
+
+ATTEMPTS = 4
+"""Number of attempts before a lost connection is reported."""
+
+Value = TypeVar("Value")
 
 Progress = Callable[[int, int], None]
-"""Called with what is done and what there is to do in all."""
+"""Called with the number done and the total."""
+
+
+class ConnectionLost(DatabaseError):
+    """The server went away, or has not come back; what was not committed is not there."""
+
+
+def retry_on_disconnect(work: Callable[[bool], Value]) -> Value:
+    """Call `work(is_retry)`, again after each lost connection, and return its result.
+
+    Raises ConnectionLost after `ATTEMPTS` attempts.
+    """
+    for attempt in range(ATTEMPTS):
+        try:
+            return work(attempt > 0)
+        except ConnectionLost:
+            if attempt == ATTEMPTS - 1:
+                raise
+    raise AssertionError("unreachable")
 
 
 class Added(NamedTuple):
-    """A model that was just put into the tables: its row, its category's row, its tokens (K, C)."""
+    """An inserted model: its row, its category's row, its tokens (K, C)."""
 
     model: int
     category: int
@@ -25,13 +49,13 @@ class Added(NamedTuple):
 
 
 @runtime_checkable
-class Home(Protocol):
-    """What `Database` asks of the place it lives in.
+class Backend(Protocol):
+    """Storage of one `Database`.
 
     Attributes:
         path: the file, or the server's address without its password.
-        read_only: nothing may be written.
-        one_at_a_time: all threads share one connection, and take turns.
+        read_only: whether writing is refused.
+        one_at_a_time: whether all threads share one connection and must wait for each other.
     """
 
     @property
@@ -43,33 +67,33 @@ class Home(Protocol):
     @property
     def one_at_a_time(self) -> bool: ...
 
-    def transaction(self, write: bool, alone: bool = False) -> AbstractContextManager[Connection]:
-        """A transaction that ends with the block; what goes wrong in it is a DatabaseError that names the place.
+    def transaction(self, write: bool, exclusive: bool = False) -> AbstractContextManager[Connection]:
+        """Open a transaction that ends with the block; errors in it become a DatabaseError that names the path.
 
-        `alone`: nobody else may write meanwhile.
+        `exclusive`: block all other writers meanwhile.
         """
         ...
 
     def added(self, connection: Connection, rows: Sequence[Added]) -> None:
-        """Told of models that were put into the tables in this transaction."""
+        """Update search structures for models inserted in this transaction."""
         ...
 
     def version(self, connection: Connection) -> object:
-        """A value that changes whenever somebody else has written."""
+        """Return a value that changes whenever another connection has written."""
         ...
 
-    def glance(self) -> object | None:
-        """What `version` would say, without a transaction; None where it cannot be told quickly."""
+    def peek_version(self) -> object | None:
+        """Return `version` without a transaction, or None where that is not possible quickly."""
         ...
 
     def index(self, connection: Connection, category: str, progress: Progress | None = None) -> Index | None:
-        """What the models of a category are searched by, or None when there is no such category."""
+        """Return the search index of a category, or None when there is no such category."""
         ...
 
     def bytes(self, connection: Connection) -> int:
-        """How large all is together."""
+        """Return the size of the stored data in bytes."""
         ...
 
     def close(self) -> None:
-        """Let go of connections and memory."""
+        """Close connections and release memory."""
         ...

@@ -1,51 +1,63 @@
-"""What an open database keeps in memory, as of one version of what is stored."""
+"""Memory of what an open database has read, valid for one version of its content."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping
+from threading import Lock
+from typing import Generic, TypeVar
 
-from kpred.database.candidates import ModelCache
 from kpred.database.entry import Entry
 from kpred.database.rows import FittingArrays
 from kpred.database.search import Index
 
-MOST_ARRAYS, MOST_ENTRIES = 4096, 128
-"""Models whose points and basis, and whose meshes too, are kept: 150 kB and a few hundred kB each."""
+MAX_ARRAYS, MAX_ENTRIES = 4096, 128
+"""Number of models cached: fitting arrays (150 kB each) and whole entries (a few hundred kB each)."""
 
-MOST_VERTICES = 16_384
-"""Larger meshes are read again each time."""
+MAX_VERTICES = 16_384
+"""Entries with larger meshes are not cached."""
+
+Value = TypeVar("Value")
 
 
-class Kept:
-    """Names of categories, what they are searched by, and what was read of models last; threads may share it.
+class BoundedCache(Generic[Value]):
+    """Values by name, at most `capacity`, oldest dropped first; safe to share between threads."""
 
-    Attributes:
-        version: of what is stored, that all of this is of; None before anything was read.
-    """
+    def __init__(self, capacity: int | None = None, accepts: Callable[[Value], bool] = lambda _: True) -> None:
+        """Make an empty cache; None for no limit, `accepts`: which values may be cached."""
+        self._capacity, self._accepts = capacity, accepts
+        self._values: OrderedDict[str, Value] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, names: Iterable[str]) -> dict[str, Value]:
+        """Return the cached values among these names."""
+        with self._lock:
+            return {name: self._values[name] for name in names if name in self._values}
+
+    def put(self, values: Mapping[str, Value]) -> None:
+        """Add values, dropping the oldest beyond the capacity."""
+        with self._lock:
+            self._values.update({name: value for name, value in values.items() if self._accepts(value)})
+            while self._capacity is not None and len(self._values) > self._capacity:
+                self._values.popitem(last=False)
+
+    def clear(self) -> None:
+        """Drop all values."""
+        with self._lock:
+            self._values.clear()
+
+
+class DatabaseCache:
+    """Category names, search indices, fitting arrays and entries, all of the same `version` (None: nothing read)."""
 
     def __init__(self) -> None:
         self.version: object = None
-        self.categories: tuple[str, ...] | None = None
-        self.indices: dict[str, Index] = {}
-        self.arrays: ModelCache[FittingArrays] = ModelCache(MOST_ARRAYS)
-        self._entries: ModelCache[Entry] = ModelCache(MOST_ENTRIES)
+        self.categories: BoundedCache[tuple[str, ...]] = BoundedCache()
+        self.indices: BoundedCache[Index] = BoundedCache()
+        self.arrays: BoundedCache[FittingArrays] = BoundedCache(MAX_ARRAYS)
+        self.entries: BoundedCache[Entry] = BoundedCache(MAX_ENTRIES, lambda e: len(e.mesh.vertices) <= MAX_VERTICES)
 
-    def entry(self, model_id: str) -> Entry | None:
-        """A model, if it is kept."""
-        return self._entries.get([model_id]).get(model_id)
-
-    def put_entry(self, entry: Entry) -> None:
-        """Keep a model, unless its mesh is large."""
-        if len(entry.mesh.vertices) <= MOST_VERTICES:
-            self._entries.put({entry.model_id: entry})
-
-    def has_arrays(self, model_ids: Collection[str]) -> bool:
-        """Whether points and basis of all these models are kept."""
-        return len(self.arrays.get(model_ids)) == len(set(model_ids))
-
-    def forget(self) -> None:
-        """All but the version: something was written."""
-        self.categories = None
-        self.indices.clear()
-        self.arrays.clear()
-        self._entries.clear()
+    def clear(self) -> None:
+        """Drop all values but keep the version."""
+        for cache in (self.categories, self.indices, self.arrays, self.entries):
+            cache.clear()

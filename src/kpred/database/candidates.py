@@ -1,12 +1,9 @@
-"""What fitting reads of the database about the models it tries, and the memory that keeps it."""
+"""Arrays of several models of one category, as fitting reads them."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from threading import Lock
-from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -14,8 +11,6 @@ from kpred.database.rows import FittingArrays
 from kpred.errors import DatabaseError
 from kpred.ops.typing import Float, Int
 from kpred.shapes.structure import Structure
-
-Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,33 +34,9 @@ class Candidates:
     structures: tuple[Structure, ...]
 
 
-class ModelCache(Generic[Value]):
-    """What was read last of models, at most `most` of them; threads may share it."""
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._kept: OrderedDict[str, Value] = OrderedDict()
-        self._lock = Lock()
-
-    def get(self, model_ids: Iterable[str]) -> dict[str, Value]:
-        """Those of the models that are there."""
-        with self._lock:
-            return {name: self._kept[name] for name in model_ids if name in self._kept}
-
-    def put(self, found: Mapping[str, Value]) -> None:
-        """Keep these; the oldest go."""
-        with self._lock:
-            self._kept.update(found)
-            while len(self._kept) > self._most:
-                self._kept.popitem(last=False)
-
-    def clear(self) -> None:
-        """Forget all."""
-        with self._lock:
-            self._kept.clear()
-
-
-def stacked(category: str, model_ids: Sequence[str], found: Mapping[str, FittingArrays], where: str) -> Candidates:
+def stack_candidates(
+    category: str, model_ids: Sequence[str], found: Mapping[str, FittingArrays], where: str
+) -> Candidates:
     """Arrays of models of one category, one after the other; `where` they are from, for messages.
 
     Raises DatabaseError: a model is of another category, or they have different numbers of points.

@@ -43,8 +43,8 @@ def create_file(path: Path, created_by: str) -> None:
                     connection.exec_driver_sql(f"PRAGMA application_id = {APPLICATION_ID}")
                     connection.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
                     Base.metadata.create_all(connection)
-                    facts = {"schema_version": str(SCHEMA_VERSION), "created_by": created_by, "epoch": new_epoch()}
-                    rows = [{"key": key, "value": value} for key, value in facts.items()]
+                    info = {"schema_version": str(SCHEMA_VERSION), "created_by": created_by, "epoch": new_epoch()}
+                    rows = [{"key": key, "value": value} for key, value in info.items()]
                     connection.execute(InfoRow.__table__.insert(), rows)  # type: ignore[attr-defined]
             finally:
                 engine.dispose()

@@ -49,11 +49,11 @@ def copy_database(
         present = set(right.model_ids())
         missing = [name for name in names if name not in present]
         for done, part in _parts(missing, batch):
-            right.add_stored(left.stored(part))
+            right.add_records(left.records(part))
             if progress is not None:
                 progress("copying", done, len(missing))
         for done, part in _parts(names, batch):
-            for one, other in zip(left.stored(part), right.stored(part), strict=True):
+            for one, other in zip(left.records(part), right.records(part), strict=True):
                 if one.digest() != other.digest():
                     raise DatabaseError(
                         f"Database {right.path}: its {one.model_id} is not that of {left.path}; remove it there, "

@@ -3,34 +3,44 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import RLock
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from sqlalchemy import Connection, func, select
 
 from kpred import __version__
 from kpred.database.address import is_address
-from kpred.database.backend import Home, Progress
-from kpred.database.cache import Kept
-from kpred.database.candidates import Candidates, stacked
+from kpred.database.backend import Backend, Progress, retry_on_disconnect
+from kpred.database.cache import BoundedCache, DatabaseCache
+from kpred.database.candidates import Candidates, stack_candidates
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
-from kpred.database.postgres import PostgresHome, database_exists
-from kpred.database.records import StoredModel, insert_stored, read_stored, stored
-from kpred.database.retry import steadily
-from kpred.database.rows import FittingArrays, chunks, delete_rows, find_rows, read_entry, read_fitting_arrays
+from kpred.database.postgres import PostgresBackend, database_exists
+from kpred.database.records import ModelRecord, insert_records, make_record, read_records
+from kpred.database.rows import (
+    chunks,
+    delete_rows,
+    find_rows,
+    read_category_names,
+    read_entries,
+    read_fitting_arrays,
+)
 from kpred.database.schema import CategoryRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result
-from kpred.database.sqlite import SqliteHome
-from kpred.database.statistics import facts
+from kpred.database.sqlite import SqliteBackend
+from kpred.database.statistics import read_statistics
 from kpred.database.weights_check import check_weights
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+
+Value = TypeVar("Value")
+Read = Callable[[Connection, Sequence[str]], dict[str, Value]]
+"""Reads the values of some keys in a transaction."""
 
 
 class Database:
@@ -43,12 +53,12 @@ class Database:
     DatabaseError when the place cannot be read or written.
     """
 
-    def __init__(self, home: Home) -> None:
+    def __init__(self, backend: Backend) -> None:
         """Use `open` or `create` instead."""
-        self._home = home
+        self._backend = backend
         self._open = True
         self._lock = RLock()
-        self._kept = Kept()
+        self._cache = DatabaseCache()
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
@@ -58,11 +68,11 @@ class Database:
         Raises DatabaseError: missing, empty, foreign, damaged, older or newer than this program, locked.
         """
         if is_address(path):
-            return cls(PostgresHome(path, bool(read_only), timeout))
+            return cls(PostgresBackend(path, bool(read_only), timeout))
         file = Path(path)
         if read_only is None:
             read_only = file.exists() and not os.access(file, os.W_OK)
-        return cls(SqliteHome(file, read_only, timeout))
+        return cls(SqliteBackend(file, read_only, timeout))
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], *, overwrite: bool = False, timeout: float = 5.0) -> Database:
@@ -71,12 +81,12 @@ class Database:
         Raises DatabaseError: it exists already and `overwrite` is not set, or cannot be written.
         """
         if is_address(path):
-            return cls(PostgresHome(path, False, timeout, create=__version__))
+            return cls(PostgresBackend(path, False, timeout, create=__version__))
         file = Path(path)
         if file.exists() and not overwrite:
             raise DatabaseError(f"Database {file} exists already; open it, or choose another name.")
         create_file(file, __version__)
-        return cls(SqliteHome(file, False, timeout))
+        return cls(SqliteBackend(file, False, timeout))
 
     @staticmethod
     def exists(path: str | os.PathLike[str]) -> bool:
@@ -86,19 +96,19 @@ class Database:
     @property
     def path(self) -> Path | str:
         """The file, or the server's address without its password."""
-        return self._home.path
+        return self._backend.path
 
     @property
     def read_only(self) -> bool:
         """Whether nothing may be written."""
-        return self._home.read_only
+        return self._backend.read_only
 
     def close(self) -> None:
         """Let go of the file and of the memory; closing twice does nothing."""
         with self._lock:
             self._open = False
-            self._kept.forget()
-            self._home.close()
+            self._cache.clear()
+            self._backend.close()
 
     def __enter__(self) -> Database:
         return self
@@ -107,8 +117,6 @@ class Database:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    # Writing
 
     def add(self, entries: Iterable[Entry], *, model_name: str = "") -> int:
         """Put entries into the file in one transaction and return their number.
@@ -120,24 +128,18 @@ class Database:
         pending = list(entries)
         for entry in pending:
             entry.check()
-        return self.add_stored([stored(entry, model_name) for entry in pending])
+        return self.add_records([make_record(entry, model_name) for entry in pending])
 
-    def add_stored(self, models: Sequence[StoredModel]) -> int:
+    def add_records(self, models: Sequence[ModelRecord]) -> int:
         """Put models of another database into this one in one transaction, to the bit; otherwise like `add`."""
-        return steadily(lambda lost: self._add(models, lost))
+        return retry_on_disconnect(lambda is_retry: self._add(models, is_retry))
 
-    def _add(self, models: Sequence[StoredModel], lost: bool) -> int:
+    def _add(self, models: Sequence[ModelRecord], is_retry: bool) -> int:
         with self._transaction(write=True) as connection:
             # A connection that was lost while committing leaves open whether it did.
-            if lost and models and len(find_rows(connection, [model.model_id for model in models])) == len(models):
+            if is_retry and models and len(find_rows(connection, [model.model_id for model in models])) == len(models):
                 return len(models)
-            added = []
-            for model in models:
-                try:
-                    added.append(insert_stored(connection, model))
-                except DatabaseError as error:
-                    raise DatabaseError(f"Database {self.path}: {error}") from error
-            self._home.added(connection, added)
+            self._backend.added(connection, insert_records(connection, models, str(self.path)))
         return len(models)
 
     def remove(self, model_ids: Iterable[str]) -> int:
@@ -147,14 +149,11 @@ class Database:
         Raises DatabaseError, and then removes none of them: an id is not in the database.
         """
         wanted = list(dict.fromkeys(model_ids))
-        with self._transaction(write=True, alone=True) as connection:
+        with self._transaction(write=True, exclusive=True) as connection:
             rows = find_rows(connection, wanted)
-            if len(rows) < len(wanted):
-                raise self._unknown([name for name in wanted if name not in rows])
+            self._check_known(wanted, rows)
             delete_rows(connection, list(rows.values()))
         return len(wanted)
-
-    # Reading
 
     def __len__(self) -> int:
         with self._transaction() as connection:
@@ -165,93 +164,76 @@ class Database:
             return connection.scalar(select(ModelRow.id).where(ModelRow.model_id == str(model_id))) is not None
 
     def categories(self) -> tuple[str, ...]:
-        """Names of the categories that have models, in alphabetical order."""
-        with self._up_to_date() as kept:
-            if kept is not None and kept.categories is not None:
-                return kept.categories
-        with self._transaction() as connection:
-            version = self._kept.version
-            names = tuple(connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)))
-            if version == self._kept.version:
-                self._kept.categories = names
-            return names
+        """Return the names of categories that have models, sorted."""
+        return self._cached(self._cache.categories, ("",), lambda connection, _: {"": read_category_names(connection)})[
+            ""
+        ]
 
     def model_ids(self, category: str | None = None) -> tuple[str, ...]:
-        """Ids of all models, or of those of one category, in alphabetical order."""
+        """Return the ids of all models, or of one category, sorted."""
         if category is not None:
             return self._index(category).model_ids
         with self._transaction() as connection:
             return tuple(connection.scalars(select(ModelRow.model_id).order_by(ModelRow.model_id)))
 
     def metadata(self, model_id: str) -> dict[str, str]:
-        """What was recorded about a model (its split, its source) without reading its arrays."""
+        """Return the metadata of a model (its split, its source) without reading its arrays."""
         with self._transaction() as connection:
             meta = connection.scalar(select(ModelRow.meta).where(ModelRow.model_id == model_id))
-        if meta is None:
-            raise self._unknown([model_id])
-        return dict(meta)
+        self._check_known([model_id], () if meta is None else (model_id,))
+        return dict(meta or {})
 
     def entry(self, model_id: str) -> Entry:
-        """All of one model, mesh and vertex basis included."""
-        entry = steadily(lambda _: self._read_entry(model_id))
-        if entry is None:
-            raise self._unknown([model_id])
-        return entry
+        """Return all of one model, mesh and vertex basis included."""
+        return retry_on_disconnect(lambda _: self._cached(self._cache.entries, (model_id,), read_entries))[model_id]
 
-    def stored(self, model_ids: Sequence[str]) -> list[StoredModel]:
-        """All that is stored of models, in the order of `model_ids`, for another database to take over."""
+    def records(self, model_ids: Sequence[str]) -> list[ModelRecord]:
+        """Return the stored rows of models, in the order of `model_ids`, for `add_records` of another database."""
         with self._transaction() as connection:
-            found: dict[str, StoredModel] = {}
+            found: dict[str, ModelRecord] = {}
             for chunk in chunks(model_ids):
-                found |= read_stored(connection, chunk)
-        if len(found) < len(set(model_ids)):
-            raise self._unknown([name for name in model_ids if name not in found])
+                found |= read_records(connection, chunk)
+        self._check_known(model_ids, found)
         return [found[name] for name in model_ids]
 
     def candidates(self, category: str, model_ids: Sequence[str] | None = None) -> Candidates:
-        """Keypoints, points and point bases of models of one category (all when None), in the order of `model_ids`.
+        """Return keypoints, points and point bases of models of one category (all when None), in the given order.
 
-        Read from the file once, then kept in memory. Raises DatabaseError for ids that are not in the category, and
-        when models were stored with different numbers of points.
+        Read once, then cached in memory. Raises DatabaseError for ids that are not in the category, and when models
+        have different numbers of points.
         """
         wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
         if not wanted:
             raise DatabaseError(f"Database {self.path}: no candidates were asked for; name at least one model.")
-        with self._up_to_date() as kept:
-            if kept is not None and kept.has_arrays(wanted):
-                return stacked(category, wanted, kept.arrays.get(wanted), str(self.path))
-        with self._transaction() as connection:  # which forgets what is out of date
-            found = self._kept.arrays.get(wanted)
-            missing = [name for name in dict.fromkeys(wanted) if name not in found]
-            found |= self._read_candidates(connection, missing)
-        return stacked(category, wanted, found, str(self.path))
+        found = self._cached(self._cache.arrays, wanted, read_fitting_arrays)
+        return stack_candidates(category, wanted, found, str(self.path))
 
     def search(
         self, category: str, tokens: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10
     ) -> SearchResult:
-        """The `top_k` models of `category` nearest to query tokens (K, C) by L1, keypoint i weighing weights[i].
+        """Find the `top_k` models of `category` nearest to tokens (K, C) by L1, keypoint i weighted by weights[i].
 
         Exact, but for very many models on a server (`kpred.database.postgres`). Nearest first, ties by id. Fewer
         than `top_k` when the category has fewer models.
         """
-        return steadily(lambda _: as_result(self._index(category).ranked(tokens, weights, top_k)))
+        return retry_on_disconnect(lambda _: as_result(self._index(category).ranked(tokens, weights, top_k)))
 
     def prepare_search(self, progress: Progress | None = None) -> None:
-        """Make what the first search of each category would make: for very many models, a token file beside the file.
+        """Build the search index of each category; with very many models, a token file beside the database.
 
-        `progress`: called with what is done and what there is to do in all, of the category at hand.
+        `progress`: called with the number done and the total, of the current category.
         """
         for category in self.categories():
             self._index(category, progress)
 
     def info(self) -> dict[str, Any]:
-        """Facts for people and programs: path, bytes, format, maker, and per category models, weights and sizes."""
+        """Return path, bytes, format, maker, and per category models, weights and sizes."""
         with self._transaction() as connection:
-            size = self._home.bytes(connection)
-            return {"path": str(self.path), "bytes": size, **facts(connection)}
+            size = self._backend.bytes(connection)
+            return {"path": str(self.path), "bytes": size, **read_statistics(connection)}
 
     def check_model(self, model: Mapping[str, KPRed] | KPRed) -> None:
-        """Raise DatabaseError when other weights made this database than those of `model`.
+        """Raise DatabaseError when this database was encoded by other weights than those of `model`.
 
         Categories that only one of the two has are no error, as long as there is one that both have.
         """
@@ -259,74 +241,59 @@ class Database:
             rows = connection.execute(select(CategoryRow)).all()
         check_weights(rows, model, str(self.path))
 
-    # Private
-
     @contextmanager
-    def _transaction(self, write: bool = False, alone: bool = False) -> Iterator[Connection]:
-        with self._lock if self._home.one_at_a_time else nullcontext():
+    def _transaction(self, write: bool = False, exclusive: bool = False) -> Iterator[Connection]:
+        with self._lock if self._backend.one_at_a_time else nullcontext():
             if not self._open:
                 raise DatabaseError(f"Database {self.path} is closed; open it again.")
-            with self._home.transaction(write, alone) as connection:
-                version = self._home.version(connection)
-                if version != self._kept.version:
-                    self._forget()  # another process has written
-                    self._kept.version = version
+            with self._backend.transaction(write, exclusive) as connection:
+                version = self._backend.version(connection)
+                if version != self._cache.version:  # another process has written
+                    self._clear_cache()
+                    self._cache.version = version
                 try:
                     yield connection
                 finally:
                     if write:
-                        self._forget()
+                        self._clear_cache()
 
-    def _forget(self) -> None:
+    def _clear_cache(self) -> None:
         with self._lock:
-            self._kept.forget()
+            self._cache.clear()
 
-    @contextmanager
-    def _up_to_date(self) -> Iterator[Kept | None]:
-        """What is kept in memory, if it is up to date as far as can be told without a transaction."""
+    def _cached(self, cache: BoundedCache[Value], keys: Sequence[str], read: Read[Value]) -> dict[str, Value]:
+        """Return values by key: from the cache if it is current, else `read` in a transaction and cached."""
         with self._lock:
-            version = self._kept.version
-            yield self._kept if self._open and version is not None and self._home.glance() == version else None
+            version = self._cache.version
+            if self._open and version is not None and self._backend.peek_version() == version:
+                found = cache.get(keys)
+                if len(found) == len(set(keys)):
+                    return found
+        with self._transaction() as connection:  # clears an outdated cache
+            version = self._cache.version
+            found = cache.get(keys)
+            missing = [key for key in dict.fromkeys(keys) if key not in found]
+            if missing:
+                values = read(connection, missing)
+                self._check_known(missing, values)
+                if version == self._cache.version:  # else another thread has seen a newer version meanwhile
+                    cache.put(values)
+                found |= values
+            return found
 
     def _index(self, category: str, progress: Progress | None = None) -> Index:
-        with self._up_to_date() as kept:
-            if kept is not None and category in kept.indices:
-                return kept.indices[category]
-        with self._transaction() as connection:
-            version = self._kept.version
-            index = self._kept.indices.get(category) or self._home.index(connection, category, progress)
+        def read(connection: Connection, _: Sequence[str]) -> dict[str, Index]:
+            index = self._backend.index(connection, category, progress)
             if index is None:
-                names = connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)).all()
-                raise DatabaseError(
-                    f"Database {self.path} has no models of category {category!r}; it has {', '.join(names) or 'none'}."
-                )
-            if version == self._kept.version:
-                self._kept.indices[category] = index
-            return index
+                names = ", ".join(read_category_names(connection)) or "none"
+                raise DatabaseError(f"Database {self.path} has no models of category {category!r}; it has {names}.")
+            return {category: index}
 
-    def _read_entry(self, model_id: str) -> Entry | None:
-        with self._up_to_date() as kept:
-            entry = None if kept is None else kept.entry(model_id)
-            if entry is not None:
-                return entry
-        with self._transaction() as connection:  # which forgets what is out of date
-            version = self._kept.version
-            entry = self._kept.entry(model_id)
-            if entry is None:
-                entry = read_entry(connection, model_id)
-                if entry is not None and version == self._kept.version:
-                    self._kept.put_entry(entry)
-            return entry
+        return self._cached(self._cache.indices, (category,), read)[category]
 
-    def _read_candidates(self, connection: Connection, model_ids: list[str]) -> dict[str, FittingArrays]:
-        version = self._kept.version
-        found = read_fitting_arrays(connection, model_ids)
-        if len(found) < len(model_ids):
-            raise self._unknown([name for name in model_ids if name not in found])
-        if version == self._kept.version:  # else another thread has seen that somebody wrote meanwhile
-            self._kept.arrays.put(found)
-        return found
-
-    def _unknown(self, model_ids: Collection[str]) -> DatabaseError:
-        name = sorted(model_ids)[0]
-        return DatabaseError(f"Database {self.path} has no model {name!r}; 'kpred database info' tells what it holds.")
+    def _check_known(self, model_ids: Collection[str], found: Collection[str]) -> None:
+        unknown = sorted(set(model_ids).difference(found))
+        if unknown:
+            raise DatabaseError(
+                f"Database {self.path} has no model {unknown[0]!r}; 'kpred database info' tells what it holds."
+            )

@@ -12,7 +12,7 @@ from kpred.shapes.helper_parts import helper_part
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.source import Shape
 
-_MOST_NAMED = 10
+_MAX_NAMED = 10
 
 
 class ModelCheck:
@@ -39,8 +39,8 @@ class ModelCheck:
 
     def warnings(self) -> list[str]:
         """Sentences about all shapes so far; of many with parts that are none, some are named."""
-        sentences = [f"{item}; remove it from the mesh if so." for item in self._helpers[:_MOST_NAMED]]
-        if len(self._helpers) > _MOST_NAMED:
-            sentences.append(f"{len(self._helpers) - _MOST_NAMED} more models seem to hold parts of other things.")
+        sentences = [f"{item}; remove it from the mesh if so." for item in self._helpers[:_MAX_NAMED]]
+        if len(self._helpers) > _MAX_NAMED:
+            sentences.append(f"{len(self._helpers) - _MAX_NAMED} more models seem to hold parts of other things.")
         axis = None if self._orientation is None else self._orientation.warning()
         return ([] if axis is None else [axis]) + sentences

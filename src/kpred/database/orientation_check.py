@@ -29,13 +29,13 @@ class OrientationCheck:
     def __init__(self, recognizer: Recognizer, most: int = 16) -> None:
         """`most`: models of each category that are looked at; later ones are not."""
         self._recognizer = recognizer
-        self._most = most
+        self._max_samples = most
         self._odds: dict[str, list[np.ndarray]] = {}
 
     def observe(self, mesh: Mesh, model_id: str, category: str) -> None:
         """Take one model, y up as far as is known, into account."""
         seen = self._odds.setdefault(category, [])
-        if category not in self._recognizer.config.categories or len(seen) >= self._most:
+        if category not in self._recognizer.config.categories or len(seen) >= self._max_samples:
             return
         generator = torch.Generator().manual_seed(zlib.crc32(model_id.encode("utf-8", "surrogatepass")))
         raw = mesh.vertices.astype(np.float64)

@@ -20,9 +20,8 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from kpred.database.address import masked
 from kpred.database.arrays import DamagedArray
-from kpred.database.backend import Added, Progress
+from kpred.database.backend import Added, ConnectionLost, Progress
 from kpred.database.postgres_schema import check_tables, make_tables, revision
-from kpred.database.retry import ConnectionLost
 from kpred.database.rows import CategoryTokens, count_tokens, new_epoch, read_tokens
 from kpred.database.search import (
     Index,
@@ -39,12 +38,12 @@ from kpred.errors import ConfigError, DatabaseError
 LARGE = 20_000
 """Models of a category from which on the server's index is used."""
 
-MOST_DIMENSIONS = 2000
+MAX_DIMENSIONS = 2000
 """Numbers of a vector that an HNSW index takes; longer tokens are compared one by one, by the server."""
 
 _PREFETCH = 20
-_LEAST_PREFETCH = 400
-_MOST_PREFETCH = 1000
+_MIN_PREFETCH = 400
+_MAX_PREFETCH = 1000
 """Models that the index names for each one wanted, and at least and at most (`hnsw.ef_search`)."""
 
 _POOL = 5
@@ -60,15 +59,15 @@ _STARTING = ("57P01", "57P02", "57P03")
 
 def database_exists(address: str | os.PathLike[str], timeout: float = 5.0) -> bool:
     """Whether there are tables of kpred on the server. Raises DatabaseError when it cannot be reached."""
-    home = PostgresHome(address, read_only=True, timeout=timeout, check=False)
+    backend = PostgresBackend(address, read_only=True, timeout=timeout, check=False)
     try:
-        with home.transaction(write=False) as connection:
+        with backend.transaction(write=False) as connection:
             return revision(connection) is not None
     finally:
-        home.close()
+        backend.close()
 
 
-class PostgresHome:
+class PostgresBackend:
     """Connections to one server; threads have one each."""
 
     one_at_a_time = False
@@ -136,13 +135,13 @@ class PostgresHome:
         return self._engine.connect()
 
     @contextmanager
-    def transaction(self, write: bool, alone: bool = False) -> Iterator[Connection]:
-        """See `Home`. Those who add work side by side; who removes works alone, for categories may go."""
+    def transaction(self, write: bool, exclusive: bool = False) -> Iterator[Connection]:
+        """See `Backend`; adds run concurrently, removes lock exclusively because they may delete a category."""
         if write and self.read_only:
             raise DatabaseError(f"Database {self.path} is open for reading only; open it for writing.")
         with self._connected() as connection:
             if write:
-                mode = "SHARE ROW EXCLUSIVE" if alone else "ROW EXCLUSIVE"
+                mode = "SHARE ROW EXCLUSIVE" if exclusive else "ROW EXCLUSIVE"
                 connection.execute(text(f"LOCK TABLE category IN {mode} MODE"))
             yield connection
             if write:
@@ -151,11 +150,11 @@ class PostgresHome:
                 connection.execute(change, {"value": new_epoch()})
 
     def version(self, connection: Connection) -> object:
-        """See `Home`."""
+        """See `Backend`."""
         return connection.scalar(text("SELECT value FROM info WHERE key = 'content'"))
 
-    def glance(self) -> object | None:
-        """See `Home`; a server must be asked."""
+    def peek_version(self) -> object | None:
+        """See `Backend`; a server must be asked."""
         return None
 
     def bytes(self, connection: Connection) -> int:
@@ -166,7 +165,7 @@ class PostgresHome:
         return int(connection.scalar(text(sizes + "WHERE n.nspname = 'kpred' AND c.relkind = 'r'")) or 0)
 
     def added(self, connection: Connection, rows: Sequence[Added]) -> None:
-        """See `Home`: the tokens once more, as vectors."""
+        """See `Backend`: the tokens once more, as vectors."""
         values = [
             {"model": row.model, "category": row.category, "tokens": _written(row.tokens.astype(np.float16))}
             for row in rows
@@ -176,18 +175,18 @@ class PostgresHome:
             connection.execute(text(insert), values)
 
     def index(self, connection: Connection, category: str, progress: Progress | None = None) -> Index | None:
-        """See `Home`; makes the server's index where it is missing and may be made."""
+        """See `Backend`; makes the server's index where it is missing and may be made."""
         counted = count_tokens(connection, category)
         if counted is None:
             return None
         if counted.models < LARGE:
             return TokenIndex(*read_tokens(connection, counted))
-        if counted.keypoints * counted.token_size <= MOST_DIMENSIONS and not self.read_only:
+        if counted.keypoints * counted.token_size <= MAX_DIMENSIONS and not self.read_only:
             self.make_index(counted)
         return ServerIndex(self, counted)
 
     def close(self) -> None:
-        """See `Home`."""
+        """See `Backend`."""
         self._engine.dispose()
 
     def make_index(self, counted: CategoryTokens) -> None:
@@ -209,14 +208,14 @@ class PostgresHome:
 class ServerIndex:
     """One category, searched by the server."""
 
-    def __init__(self, home: PostgresHome, counted: CategoryTokens) -> None:
-        self._home, self._counted = home, counted
+    def __init__(self, backend: PostgresBackend, counted: CategoryTokens) -> None:
+        self._backend, self._counted = backend, counted
 
     @property
     def model_ids(self) -> tuple[str, ...]:
         """All ids, ascending."""
         query = text("SELECT model_id FROM model WHERE category_id = :number ORDER BY model_id")
-        with self._home.transaction(write=False) as connection:
+        with self._backend.transaction(write=False) as connection:
             return tuple(connection.scalars(query, {"number": self._counted.number}))
 
     def ranked(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> Ranking:
@@ -224,10 +223,10 @@ class ServerIndex:
         counted = self._counted
         query = checked_query(query, (counted.keypoints, counted.token_size))
         weigh = checked_weights(weights, counted.keypoints)
-        many = max(checked_top_k(top_k), min(max(_PREFETCH * top_k, _LEAST_PREFETCH), _MOST_PREFETCH))
+        many = max(checked_top_k(top_k), min(max(_PREFETCH * top_k, _MIN_PREFETCH), _MAX_PREFETCH))
         size = query.size
-        with self._home.transaction(write=False) as connection:
-            connection.execute(text(f"SET LOCAL hnsw.ef_search = {min(many, _MOST_PREFETCH)}"))
+        with self._backend.transaction(write=False) as connection:
+            connection.execute(text(f"SET LOCAL hnsw.ef_search = {min(many, _MAX_PREFETCH)}"))
             connection.execute(text("SET LOCAL hnsw.iterative_scan = relaxed_order"))
             # Numbers stand in the text itself, or the planner would not see that the category's index is meant.
             found = connection.execute(

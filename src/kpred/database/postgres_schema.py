@@ -32,8 +32,8 @@ def make_tables(connection: Connection, name: str, created_by: str) -> None:
             raise DatabaseError(f"Database {name} exists already; open it, or choose another name.")
         connection.execute(text("CREATE SCHEMA IF NOT EXISTS kpred"))
         _upgrade(connection)
-        facts = [{"key": "created_by", "value": created_by}, {"key": "schema_version", "value": str(int(HEAD))}]
-        connection.execute(text("INSERT INTO kpred.info (key, value) VALUES (:key, :value)"), facts)
+        info = [{"key": "created_by", "value": created_by}, {"key": "schema_version", "value": str(int(HEAD))}]
+        connection.execute(text("INSERT INTO kpred.info (key, value) VALUES (:key, :value)"), info)
 
 
 def is_current(connection: Connection, name: str) -> bool:

@@ -23,7 +23,7 @@ _ARRAY = ("name", "dtype", "shape", "step", "codec", "data")
 
 
 @dataclass(frozen=True)
-class StoredModel:
+class ModelRecord:
     """The rows of one model without their numbers; the names are those of `kpred.database.schema`."""
 
     model_id: str
@@ -48,10 +48,10 @@ class StoredModel:
         return total.hexdigest()
 
 
-def stored(entry: Entry, model_name: str) -> StoredModel:
-    """An entry as it is stored; `model_name`: of the model whose weights made it."""
+def make_record(entry: Entry, model_name: str) -> ModelRecord:
+    """Turn an entry into its record; `model_name`: of the model whose weights encoded it."""
     count, size = entry.tokens.shape
-    return StoredModel(
+    return ModelRecord(
         entry.model_id,
         entry.category,
         {"fingerprint": entry.fingerprint, "model_name": model_name, "keypoint_count": count, "token_size": size},
@@ -70,7 +70,7 @@ def stored(entry: Entry, model_name: str) -> StoredModel:
     )
 
 
-def read_stored(connection: Connection, model_ids: Sequence[str]) -> dict[str, StoredModel]:
+def read_records(connection: Connection, model_ids: Sequence[str]) -> dict[str, ModelRecord]:
     """Model id -> what is stored; ids that are not in the database are left out."""
     found = connection.execute(
         select(ModelRow.id, ModelRow.model_id, *(getattr(ModelRow, name) for name in _MODEL))
@@ -89,7 +89,7 @@ def read_stored(connection: Connection, model_ids: Sequence[str]) -> dict[str, S
         return {name: getattr(row, name) for name in names}
 
     return {
-        row.model_id: StoredModel(
+        row.model_id: ModelRecord(
             row.model_id,
             row.category,
             columns(row, _CATEGORY),
@@ -101,11 +101,18 @@ def read_stored(connection: Connection, model_ids: Sequence[str]) -> dict[str, S
     }
 
 
-def insert_stored(connection: Connection, model: StoredModel) -> Added:
-    """Add one model, and its category where it is the first of it.
+def insert_records(connection: Connection, models: Sequence[ModelRecord], path: str) -> list[Added]:
+    """Insert models, and the categories of which they are the first; `path`: of the database, for messages.
 
-    Raises DatabaseError: the id is taken, or the category's tokens are of other weights or another shape.
+    Raises DatabaseError: an id is taken, or the category's tokens are of other weights or another shape.
     """
+    try:
+        return [_insert(connection, model) for model in models]
+    except DatabaseError as error:
+        raise DatabaseError(f"Database {path}: {error}") from error
+
+
+def _insert(connection: Connection, model: ModelRecord) -> Added:
     category = _category(connection, model)
     try:
         made = connection.execute(insert(ModelRow).values(model_id=model.model_id, category_id=category, **model.model))
@@ -121,7 +128,7 @@ def insert_stored(connection: Connection, model: StoredModel) -> Added:
     return Added(number, category, model.tokens())
 
 
-def _category(connection: Connection, model: StoredModel) -> int:
+def _category(connection: Connection, model: ModelRecord) -> int:
     query = select(CategoryRow).where(CategoryRow.name == model.category)
     row = connection.execute(query).one_or_none()
     if row is None:

@@ -47,8 +47,18 @@ class FittingArrays:
     structure: Structure
 
 
-def read_entry(connection: Connection, model_id: str) -> Entry | None:
-    """All of one model, or None when there is no such id."""
+def read_category_names(connection: Connection) -> tuple[str, ...]:
+    """Return the names of all categories, sorted."""
+    return tuple(connection.scalars(select(CategoryRow.name).order_by(CategoryRow.name)))
+
+
+def read_entries(connection: Connection, model_ids: Sequence[str]) -> dict[str, Entry]:
+    """Return model id -> entry; ids that are not in the database are left out."""
+    found = {name: _read_entry(connection, name) for name in model_ids}
+    return {name: entry for name, entry in found.items() if entry is not None}
+
+
+def _read_entry(connection: Connection, model_id: str) -> Entry | None:
     row = connection.execute(
         select(ModelRow.id, ModelRow.meta, ModelRow.frame, DescriptorRow.keypoints, DescriptorRow.tokens)
         .add_columns(CategoryRow.name, CategoryRow.fingerprint, CategoryRow.keypoint_count, CategoryRow.token_size)

@@ -25,7 +25,7 @@ _GROWTH = 8
 """A table is made anew when more than one model for every so many has been added since."""
 
 
-class SqliteHome:
+class SqliteBackend:
     """One connection to one file, shared by threads in turn."""
 
     one_at_a_time = True
@@ -40,8 +40,8 @@ class SqliteHome:
         self._tables: dict[str, TokenTable] = {}
 
     @contextmanager
-    def transaction(self, write: bool, alone: bool = False) -> Iterator[Connection]:
-        """See `Home`."""
+    def transaction(self, write: bool, exclusive: bool = False) -> Iterator[Connection]:
+        """See `Backend`."""
         if write and self.read_only:
             raise DatabaseError(
                 f"Database {self.path} is open for reading only; copy it to a place where you may write."
@@ -54,14 +54,14 @@ class SqliteHome:
             yield connection
 
     def added(self, connection: Connection, rows: Sequence[Added]) -> None:
-        """See `Home`; a token file is extended when it is next used."""
+        """See `Backend`; a token file is extended when it is next used."""
 
     def version(self, connection: Connection) -> object:
-        """See `Home`."""
+        """See `Backend`."""
         return connection.exec_driver_sql("PRAGMA data_version").scalar_one()
 
-    def glance(self) -> object | None:
-        """See `Home`."""
+    def peek_version(self) -> object | None:
+        """See `Backend`."""
         try:
             return self._driver.execute("PRAGMA data_version").fetchone()[0]
         except sqlite3.Error:  # a transaction will tell what is wrong
@@ -72,7 +72,7 @@ class SqliteHome:
         return self.path.stat().st_size
 
     def index(self, connection: Connection, category: str, progress: Progress | None = None) -> Index | None:
-        """See `Home`; makes the token file where it is missing or does not belong to the database."""
+        """See `Backend`; makes the token file where it is missing or does not belong to the database."""
         counted = count_tokens(connection, category)
         if counted is None:
             return None
@@ -86,7 +86,7 @@ class SqliteHome:
         return GrowingIndex(table, tail)
 
     def close(self) -> None:
-        """See `Home`."""
+        """See `Backend`."""
         self._tables.clear()
         self._engine.dispose()
 

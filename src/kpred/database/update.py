@@ -16,7 +16,7 @@ from kpred.database.connection import OLDEST, explained, open_file
 from kpred.database.encode import DEFAULT_SEED, prepare_mesh, to_unit_box
 from kpred.database.entry import POINT_STEP, unpack_frame
 from kpred.database.point_faces import faces_of_points
-from kpred.database.postgres import PostgresHome
+from kpred.database.postgres import PostgresBackend
 from kpred.database.postgres_schema import is_current, upgrade_tables
 from kpred.database.rows import new_epoch, of_model, read_arrays, read_epoch
 from kpred.database.schema import SCHEMA_VERSION, ArrayRow, InfoRow, ModelRow
@@ -66,15 +66,15 @@ def _update_file(path: Path, progress: Progress | None, timeout: float) -> int:
 
 
 def _update_server(address: str | os.PathLike[str], progress: Progress | None, timeout: float) -> int:
-    home = PostgresHome(address, False, timeout, check=False)
+    backend = PostgresBackend(address, False, timeout, check=False)
     try:
-        with home.transaction(write=False) as connection:
-            if is_current(connection, str(home.path)):
+        with backend.transaction(write=False) as connection:
+            if is_current(connection, str(backend.path)):
                 return 0
-        with home.transaction(write=True, alone=True) as connection:
-            return _add_structures(connection, progress) if upgrade_tables(connection, str(home.path)) else 0
+        with backend.transaction(write=True, exclusive=True) as connection:
+            return _add_structures(connection, progress) if upgrade_tables(connection, str(backend.path)) else 0
     finally:
-        home.close()
+        backend.close()
 
 
 def _add_structures(connection: Connection, progress: Progress | None) -> int:

@@ -21,7 +21,7 @@ __all__ = [
     "sample_scan",
 ]
 
-_HOME = {
+_MODULES = {
     "Candidate": "kpred.fitting.result",
     "Fit": "kpred.fitting.result",
     "Metric": "kpred.fitting.result",
@@ -35,8 +35,8 @@ _HOME = {
 
 def __getattr__(name: str) -> Any:
     # Training uses the refinement where there is neither trimesh nor a database.
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module 'kpred.fitting' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value

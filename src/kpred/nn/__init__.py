@@ -39,7 +39,7 @@ __all__ = [
     "save_visibility",
 ]
 
-_HOME = {
+_MODULES = {
     "PRESETS": "kpred.nn.config",
     "STAGES": "kpred.nn.model",
     "KPRed": "kpred.nn.model",
@@ -62,8 +62,8 @@ _HOME = {
 
 def __getattr__(name: str) -> Any:
     # The command line reads configs for its help without loading torch.
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module 'kpred.nn' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kpred.shapes.source import Shape as Shape
     from kpred.shapes.source import open_shapes as open_shapes
 
-_HOME = {
+_MODULES = {
     "Camera": "camera",
     "IntrinsicsFile": "intrinsics_file",
     "DepthScan": "depth",
@@ -63,14 +63,14 @@ _HOME = {
     "write_mesh": "mesh_io",
 }
 
-__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ = sorted(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return sorted([*globals(), *_MODULES])
