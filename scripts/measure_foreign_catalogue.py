@@ -138,7 +138,10 @@ def main() -> None:
     torch.set_num_threads(1)
     options.output.mkdir(parents=True, exist_ok=True)
     everything: list[Row] = []
-    print("| category | n | first | in ten | yaw < 15 | distance % | undeformed % | ratio | worse | ratio, first |", end="")
+    print(
+        "| category | n | first | in ten | yaw < 15 | distance % | undeformed % | ratio | worse | ratio, first |",
+        end="",
+    )
     print(" worse, first | failed |\n|" + "---|" * 12)
     model = load_model()
     with Database.open(options.database, read_only=True) as database:

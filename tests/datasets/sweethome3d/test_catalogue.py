@@ -3,11 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from kpred.datasets.sweethome3d.catalogue import make_catalogue
 from kpred.errors import MeshError, OutputError
 from kpred.shapes import read_mesh
-
-from tests.datasets.sweethome3d.library_file import write_library
 
 
 def manifest(folder: Path) -> dict[str, dict[str, str]]:
@@ -15,7 +14,7 @@ def manifest(folder: Path) -> dict[str, dict[str, str]]:
         return {row["id"]: row for row in csv.DictReader(stream)}
 
 
-def test_models_stand_on_the_floor_in_metres_with_materials_beside_them(tmp_path):
+def test_models_stand_on_the_floor_in_metres_with_materials_beside_them(write_library, tmp_path):
     library = write_library(tmp_path / "a.sh3f", {"one": {}})
     make_catalogue([library], tmp_path / "out")
     row = manifest(tmp_path / "out")["chair/test-one"]
@@ -27,7 +26,7 @@ def test_models_stand_on_the_floor_in_metres_with_materials_beside_them(tmp_path
     assert (tmp_path / "out/licences/test.txt").read_text() == "the licence"
 
 
-def test_rotation_of_the_library_turns_the_model_before_it_is_measured(tmp_path):
+def test_rotation_of_the_library_turns_the_model_before_it_is_measured(write_library, tmp_path):
     facts = {"modelRotation": "0 0 1 0 1 0 -1 0 0", "width": "10", "depth": "40"}
     library = write_library(tmp_path / "a.sh3f", {"one": facts})
     make_catalogue([library], tmp_path / "out")
@@ -37,7 +36,7 @@ def test_rotation_of_the_library_turns_the_model_before_it_is_measured(tmp_path)
     np.testing.assert_allclose(corner, [0.05, 0.8, 0.2], atol=1e-6)
 
 
-def test_everything_but_coordinates_stays_as_it_was(tmp_path):
+def test_everything_but_coordinates_stays_as_it_was(write_library, tmp_path):
     library = write_library(tmp_path / "a.sh3f", {"one": {}})
     make_catalogue([library], tmp_path / "out")
     text = (tmp_path / "out/chair/test-one/test-one.obj").read_text()
@@ -55,7 +54,7 @@ def test_everything_but_coordinates_stays_as_it_was(tmp_path):
         ('<h3>Released under <a href="x">Creative Commons Attribution 3.0</a></h3>', "CC-BY-3.0"),
     ],
 )
-def test_a_models_own_licence_counts_before_the_librarys(tmp_path, text, name):
+def test_a_models_own_licence_counts_before_the_librarys(write_library, tmp_path, text, name):
     library = write_library(tmp_path / "a.sh3f", {"one": {"LICENSE": text}}, "all rights reserved")
     make_catalogue([library], tmp_path / "out")
     assert manifest(tmp_path / "out")["chair/test-one"]["licence"] == name
@@ -64,7 +63,7 @@ def test_a_models_own_licence_counts_before_the_librarys(tmp_path, text, name):
 @pytest.mark.parametrize(
     "licence", ["Creative Commons Attribution-NonCommercial 3.0", "Attribution-ShareAlike 4.0", "all rights reserved"]
 )
-def test_what_may_not_be_passed_on_is_left_out_and_listed(tmp_path, licence):
+def test_what_may_not_be_passed_on_is_left_out_and_listed(write_library, tmp_path, licence):
     models = {"free": {}, "bound": {"LICENSE": f"Released under\n{licence}\n"}}
     report = make_catalogue([write_library(tmp_path / "a.sh3f", models)], tmp_path / "out")
     assert list(manifest(tmp_path / "out")) == ["chair/test-free"]
@@ -80,12 +79,12 @@ def test_what_may_not_be_passed_on_is_left_out_and_listed(tmp_path, licence):
         *(("Piano bench", "bench"), ("Something", "office")),
     ],
 )
-def test_titles_tell_categories(tmp_path, title, category):
+def test_titles_tell_categories(write_library, tmp_path, title, category):
     make_catalogue([write_library(tmp_path / "a.sh3f", {"one": {"name": title}})], tmp_path / "out")
     assert list(manifest(tmp_path / "out")) == [f"{category}/test-one"]
 
 
-def test_the_same_libraries_give_the_same_bytes(tmp_path):
+def test_the_same_libraries_give_the_same_bytes(write_library, tmp_path):
     library = write_library(tmp_path / "a.sh3f", {"one": {}, "two": {"name": "Table"}})
     for name in ("a", "b"):
         make_catalogue([library], tmp_path / name)
@@ -94,7 +93,7 @@ def test_the_same_libraries_give_the_same_bytes(tmp_path):
     assert len(files[0]) == 8
 
 
-def test_damaged_models_are_left_out_and_damaged_libraries_refused(tmp_path):
+def test_damaged_models_are_left_out_and_damaged_libraries_refused(write_library, tmp_path):
     bad = {"OBJ": "v 0 0 zero\nf 1 1 1\n"}
     report = make_catalogue([write_library(tmp_path / "a.sh3f", {"one": bad, "two": {}})], tmp_path / "out")
     assert list(manifest(tmp_path / "out")) == ["chair/test-two"]
@@ -106,7 +105,7 @@ def test_damaged_models_are_left_out_and_damaged_libraries_refused(tmp_path):
         make_catalogue([write_library(tmp_path / "c.sh3f", {"one": {"width": "-1"}})], tmp_path / "out3")
 
 
-def test_a_folder_of_something_else_is_not_written_into(tmp_path):
+def test_a_folder_of_something_else_is_not_written_into(write_library, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.txt").write_text("x")
     with pytest.raises(OutputError, match="no catalogue"):

@@ -40,7 +40,10 @@ _BY_TITLE = (
     ("bed", r"\bbed\b|crib|futon$|mattress"),
     ("sofa", r"sofa|couch"),
     ("pouf", r"\bpuff\b"),
-    ("cabinet", r"bedside table|nightstand|bookcase|shelves|shelving|cabinet|cupboard|wardrobe|dresser|locker$|tv stand"),
+    (
+        "cabinet",
+        r"bedside table|nightstand|bookcase|shelves|shelving|cabinet|cupboard|wardrobe|dresser|locker$|tv stand",
+    ),
     ("bench", r"\bbench\b"),
     ("chair", r"chair|stool|class seat"),
     ("table", r"\btable\b|\bdesk\b"),

@@ -24,8 +24,8 @@ PROPERTIES = "PluginFurnitureCatalog.properties"
 MAX_BYTES = 1 << 28
 """Size of a single file in a library, expanded."""
 
-_ENTRY = re.compile(r"^(\w+)#(\d+)\s*=\s*(.*?)\s*$", re.MULTILINE)
-_HEADER = re.compile(r"^(\w+)\s*=\s*(.*?)\s*$", re.MULTILINE)
+_ENTRY = re.compile(r"^(\w+)#(\d+)[ \t]*=(.*)$", re.MULTILINE)
+_HEADER = re.compile(r"^(\w+)[ \t]*=(.*)$", re.MULTILINE)
 _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 _METRE = 0.01
 """Sizes are in centimetres."""

@@ -1,10 +1,12 @@
-"""A small furniture library of Sweet Home 3D, written for tests."""
+"""Small furniture libraries of Sweet Home 3D, written for tests."""
 
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+import pytest
 
 OBJ = """mtllib thing.mtl
 o body
@@ -23,7 +25,12 @@ f 1/1/1 3/3/1 4/1/1
 MTL = "newmtl wood\nKd 0.5 0.3 0.1\nmap_Kd oak.png\n"
 
 
-def write_library(
+@pytest.fixture
+def write_library() -> Callable[..., Path]:
+    return _write_library
+
+
+def _write_library(
     path: Path, models: Mapping[str, Mapping[str, str]], licence: str = "Creative Commons Attribution 3.0 license"
 ) -> Path:
     """Write a .sh3f; `models`: name -> properties, and `LICENSE` for a licence text in the model's folder."""
