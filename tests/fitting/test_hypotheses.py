@@ -11,8 +11,8 @@ from kpred.fitting.defaults import as_database, as_model
 from kpred.fitting.hypotheses import Search, hypotheses
 from kpred.fitting.stages import MAX_READINGS, ODDS_RANGE, worth_trying
 from kpred.ops import sample_surface
-from kpred.pose.proposals import check_known_frame, placements
-from kpred.pose.recognition import Reading
+from kpred.pose.proposals import check_known_frame, generate_poses
+from kpred.pose.recognition import PoseHypothesis
 from kpred.synthetic.generator import generate
 
 
@@ -32,7 +32,7 @@ def points() -> np.ndarray:
 def test_the_best_of_several_readings_is_read_as_if_it_were_alone(
     search: Search, points: np.ndarray, partial: bool
 ) -> None:
-    readings = placements(points, "y", None, search.model.recognizer, search.model.categories)[:3]
+    readings = generate_poses(points, "y", None, search.model.recognizer, search.model.categories)[:3]
     found = hypotheses(points, readings, search, partial)
     assert found[0].category == "chair"
     assert [one.score for one in found] == sorted((one.score for one in found), reverse=True)
@@ -46,10 +46,10 @@ def test_the_best_of_several_readings_is_read_as_if_it_were_alone(
 
 def test_readings_that_are_far_less_likely_than_the_best_are_not_tried() -> None:
     odds = [3.0, 2.0, 3.0 - ODDS_RANGE + 0.1, 3.0 - ODDS_RANGE - 0.1, -9.0]
-    readings = [Reading(np.eye(3), "chair", value) for value in odds]
+    readings = [PoseHypothesis(np.eye(3), "chair", value) for value in odds]
     assert [one.log_odds for one in worth_trying(readings, are_scored=True)] == odds[:3]
     assert worth_trying(readings, are_scored=False) == readings
-    alike = [Reading(np.eye(3), "chair", -0.01 * row) for row in range(20)]
+    alike = [PoseHypothesis(np.eye(3), "chair", -0.01 * row) for row in range(20)]
     assert worth_trying(alike, are_scored=True) == alike[:MAX_READINGS]
 
 

@@ -8,7 +8,7 @@ import torch
 
 from kpred.errors import ConfigError, ModelError
 from kpred.nn import Recognizer, RecognizerConfig, load_model, load_recognizer, save_network, save_recognizer
-from kpred.nn.recognizer import MOST_TURN, robust_unit_box
+from kpred.nn.recognizer import MAX_YAW_CORRECTION, robust_unit_box
 
 CONFIG = RecognizerConfig(("chair", "table"), width=16, blocks=1)
 
@@ -37,7 +37,7 @@ def test_answers_do_not_depend_on_order_place_and_unit(recognizer: Recognizer, c
 
 def test_the_correction_of_a_turn_is_bounded(recognizer: Recognizer, clouds: torch.Tensor) -> None:
     recognizer.output.bias.data[-1] = 1000.0
-    assert torch.allclose(recognizer(clouds)[1], torch.full((3,), MOST_TURN))
+    assert torch.allclose(recognizer(clouds)[1], torch.full((3,), MAX_YAW_CORRECTION))
 
 
 def test_a_few_strays_do_not_move_the_box(clouds: torch.Tensor) -> None:
@@ -82,10 +82,10 @@ def test_a_second_opinion_is_averaged_and_comes_back_beside_the_first(
     recognizer: Recognizer, clouds: torch.Tensor, tmp_path: Path
 ) -> None:
     other = Recognizer(CONFIG).eval()
-    alone = recognizer.agreed(clouds)
+    alone = recognizer.predict_ensemble(clouds)
     assert all(torch.equal(one, two) for one, two in zip(alone, recognizer(clouds), strict=True))
     recognizer.second = other
-    logits, turn = recognizer.agreed(clouds)
+    logits, turn = recognizer.predict_ensemble(clouds)
     pair = (recognizer(clouds), other(clouds))
     assert torch.allclose(logits, sum(one.log_softmax(1) for one, _ in pair) / 2, atol=1e-6)
     assert torch.allclose(turn, sum(one for _, one in pair) / 2, atol=1e-6)
@@ -93,7 +93,7 @@ def test_a_second_opinion_is_averaged_and_comes_back_beside_the_first(
     assert load_recognizer(tmp_path).second is None
     save_recognizer(other, tmp_path / "second")
     both = load_recognizer(tmp_path)
-    for one, two in zip(both.agreed(clouds), (logits, turn), strict=True):
+    for one, two in zip(both.predict_ensemble(clouds), (logits, turn), strict=True):
         assert torch.allclose(one, two, atol=0.02)
     save_recognizer(Recognizer(RecognizerConfig(("table",), width=16, blocks=1)), tmp_path / "second")
     with pytest.raises(ModelError, match="other categories"):

@@ -104,16 +104,16 @@ def test_every_job_is_done_once_and_errors_come_out(monkeypatch: pytest.MonkeyPa
             raise ValueError("of another thread")
 
     with pytest.raises(ValueError, match="another thread"):
-        worksharing.share_out(kernel, 10, 10 * worksharing.WORTH)
+        worksharing.parallel_for(kernel, 10, 10 * worksharing.WORTH)
     assert (done == 1).all()
 
 
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork here")
 def test_a_forked_child_makes_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba, "get_num_threads", lambda: 2)
-    worksharing.share_out(lambda first, last: None, 4, 4 * worksharing.WORTH)
+    worksharing.parallel_for(lambda first, last: None, 4, 4 * worksharing.WORTH)
     context = multiprocessing.get_context("fork")
-    child = context.Process(target=worksharing.share_out, args=(lambda first, last: None, 4, 4 * worksharing.WORTH))
+    child = context.Process(target=worksharing.parallel_for, args=(lambda first, last: None, 4, 4 * worksharing.WORTH))
     child.start()
     child.join(20)
     assert child.exitcode == 0

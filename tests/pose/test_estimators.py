@@ -14,7 +14,7 @@ from kpred.ops.occlusion import depth_scan
 from kpred.ops.rotations import UP_AXES, upright_rotation, yaw_rotation
 from kpred.pose import estimators as pose
 from kpred.pose.estimators import IdentityPose, PoseEstimator, UprightPose, given_pose, pose_estimator
-from kpred.pose.proposals import placements
+from kpred.pose.proposals import generate_poses
 from kpred.pose.up_axis import find_up
 from kpred.pose.yaw import rectangle_yaw, yaw_hypotheses
 from kpred.shapes.mesh import Mesh
@@ -36,9 +36,9 @@ def seen(mesh: Mesh, seed: int, count: int = 2500) -> np.ndarray:
     return scan.double().numpy()
 
 
-def quarter_error(turn: float, truth: float) -> float:
+def quarter_error(yaw: float, truth: float) -> float:
     """Degrees, modulo quarter turns."""
-    return abs(np.degrees((turn - truth + np.pi / 4) % (np.pi / 2) - np.pi / 4))
+    return abs(np.degrees((yaw - truth + np.pi / 4) % (np.pi / 2) - np.pi / 4))
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_yaw_is_among_the_hypotheses(scans: list[tuple[str, np.ndarray]]) -> Non
     for name, scan in scans:
         yaw = rng.uniform(-np.pi, np.pi)
         turned = scan @ yaw_rotation(yaw).T
-        if min(quarter_error(turn, -yaw) for turn in yaw_hypotheses(turned)) > 5:
+        if min(quarter_error(found, -yaw) for found in yaw_hypotheses(turned)) > 5:
             missed.append(name)
         if quarter_error(rectangle_yaw(turned[:, [0, 2]]), -yaw) > 5:
             rectangle_missed.append(name)
@@ -71,11 +71,11 @@ def test_the_first_direction_is_mostly_right(scans: list[tuple[str, np.ndarray]]
 
 def test_hypotheses_are_few_and_distinct(scans: list[tuple[str, np.ndarray]]) -> None:
     for _, scan in scans[::5]:
-        turns = yaw_hypotheses(scan @ yaw_rotation(0.7).T)
-        assert 4 <= len(turns) <= 8
-        apart = [abs((a - b + np.pi) % (2 * np.pi) - np.pi) for i, a in enumerate(turns) for b in turns[:i]]
+        yaws = yaw_hypotheses(scan @ yaw_rotation(0.7).T)
+        assert 4 <= len(yaws) <= 8
+        apart = [abs((a - b + np.pi) % (2 * np.pi) - np.pi) for i, a in enumerate(yaws) for b in yaws[:i]]
         assert min(apart) > np.radians(2.9)
-        quarters = sorted(turn % (2 * np.pi) for turn in turns[:4])
+        quarters = sorted(yaw % (2 * np.pi) for yaw in yaws[:4])
         assert np.allclose(np.diff(quarters), np.pi / 2)
 
 
@@ -230,10 +230,10 @@ def test_installed_packages_bring_estimators(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_without_a_recognizer_a_scan_is_first_taken_as_it_stands(scans: list[tuple[str, np.ndarray]]) -> None:
-    found = placements(scans[0][1] @ yaw_rotation(0.5).T, "y", None, None, ["chair", "table"])
+    found = generate_poses(scans[0][1] @ yaw_rotation(0.5).T, "y", None, None, ["chair", "table"])
     assert np.allclose(found[0].rotation, np.eye(3)) and found[0].log_odds == found[1].log_odds == 0
-    assert {reading.category for reading in found} == {"chair", "table"} and len(found) == 10
-    assert all(reading.log_odds < 0 for reading in found[2:])
+    assert {hypothesis.category for hypothesis in found} == {"chair", "table"} and len(found) == 10
+    assert all(hypothesis.log_odds < 0 for hypothesis in found[2:])
 
 
 def test_a_box_as_thin_as_a_plate_is_thickened_behind_its_front() -> None:

@@ -9,8 +9,8 @@ import torch
 from kpred.errors import ConfigError
 from kpred.nn import Recognizer, RecognizerConfig
 from kpred.ops.rotations import upright_rotation, yaw_rotation
-from kpred.pose.proposals import judged, placements, up_axis
-from kpred.pose.recognition import recognised
+from kpred.pose.proposals import generate_poses, score_poses, up_axis
+from kpred.pose.recognition import recognize_poses
 
 
 class Oracle(Recognizer):
@@ -44,7 +44,7 @@ def test_the_yaw_is_found_wherever_the_scan_faces(scan: np.ndarray, degrees: flo
     stands = scan @ yaw_rotation(math.radians(degrees)).T
     placed = stands @ upright_rotation(up) * 300.0 + np.array([10.0, 2000.0, -7.0])
     # The oracle looks at places about the origin of a cloud that is centred on its mean.
-    found = recognised(placed, upright_rotation(up), Oracle(), ("chair", "table"))
+    found = recognize_poses(placed, upright_rotation(up), Oracle(), ("chair", "table"))
     assert (found[0].category, found[0].log_odds > 0) == ("chair", True)
     standing = (placed - placed.mean(axis=0)) @ found[0].rotation.T
     mark = standing[0]
@@ -52,21 +52,21 @@ def test_the_yaw_is_found_wherever_the_scan_faces(scan: np.ndarray, degrees: flo
 
 
 def test_readings_come_by_falling_odds_and_only_of_the_asked_categories(scan: np.ndarray) -> None:
-    found = recognised(scan, np.eye(3), Oracle(), ("table",))
-    assert {reading.category for reading in found} == {"table"}
-    odds = [reading.log_odds for reading in found]
+    found = recognize_poses(scan, np.eye(3), Oracle(), ("table",))
+    assert {hypothesis.category for hypothesis in found} == {"table"}
+    odds = [hypothesis.log_odds for hypothesis in found]
     assert odds == sorted(odds, reverse=True) and len(found) > 1
 
 
 def test_given_rotations_are_kept_and_judged(scan: np.ndarray) -> None:
-    turns = [yaw_rotation(angle) for angle in (0.0, 2.0)]
-    found = judged(scan, turns, Oracle(), ("chair",))
-    assert np.array_equal(found[0].rotation, turns[0]) and found[0].log_odds > found[1].log_odds
+    yaws = [yaw_rotation(angle) for angle in (0.0, 2.0)]
+    found = score_poses(scan, yaws, Oracle(), ("chair",))
+    assert np.array_equal(found[0].rotation, yaws[0]) and found[0].log_odds > found[1].log_odds
 
 
 def test_a_category_that_the_recognizer_does_not_know_is_not_judged(scan: np.ndarray) -> None:
-    found = placements(scan, "y", None, Oracle(), ("chair", "lamp"))
-    assert {reading.category for reading in found} == {"chair", "lamp"}
+    found = generate_poses(scan, "y", None, Oracle(), ("chair", "lamp"))
+    assert {hypothesis.category for hypothesis in found} == {"chair", "lamp"}
     assert found[0].log_odds == 0.0, "nothing judged it"
 
 

@@ -8,8 +8,8 @@ from kpred.nn import load_model
 from kpred.ops import depth_scan
 from kpred.ops.rotations import upright_rotation, yaw_rotation
 from kpred.pose import up_axis as module
-from kpred.pose.proposals import EVIDENCE_SHARE, TRIED_AXES, up_axis
-from kpred.pose.recognition import POINTS, ask
+from kpred.pose.proposals import EVIDENCE_WEIGHT, MAX_AXES, up_axis
+from kpred.pose.recognition import POINTS, predict_logits
 from kpred.pose.up_axis import PRIOR, up_scores
 from kpred.synthetic.generator import generate
 
@@ -31,13 +31,13 @@ def scans() -> list[np.ndarray]:
 def test_a_glance_and_a_close_look_choose_what_all_points_and_turns_choose(scans: list[np.ndarray]) -> None:
     recognizer = load_model().recognizer
     assert recognizer is not None
-    turns = [yaw_rotation(turn) for turn in np.radians(np.arange(0, 360, 30))]
+    yaws = [yaw_rotation(yaw) for yaw in np.radians(np.arange(0, 360, 30))]
     for points in scans:
         scores = up_scores(points)
         total = {}
-        for name in sorted(scores, key=lambda name: -scores[name])[:TRIED_AXES]:
-            odds, _ = ask(points[:POINTS], [turn @ upright_rotation(name) for turn in turns], recognizer)
-            total[name] = PRIOR[name] + EVIDENCE_SHARE * (scores[name] - PRIOR[name]) + float(odds.max())
+        for name in sorted(scores, key=lambda name: -scores[name])[:MAX_AXES]:
+            odds, _ = predict_logits(points[:POINTS], [yaw @ upright_rotation(name) for yaw in yaws], recognizer)
+            total[name] = PRIOR[name] + EVIDENCE_WEIGHT * (scores[name] - PRIOR[name]) + float(odds.max())
         assert up_axis(points, "auto", recognizer) == max(total, key=lambda name: total[name])
 
 

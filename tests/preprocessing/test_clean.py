@@ -187,8 +187,8 @@ def test_duplicates_are_the_repeats_and_not_the_firsts(rng: np.random.Generator)
 
 def test_density_becomes_even(rng: np.random.Generator) -> None:
     """A plate scanned ten times more densely on one half ends with the same number of points on both."""
-    dense, thin = rng.random((20_000, 2)) * [1, 1], rng.random((2500, 2)) * [1, 1] + [1, 0]
-    flat = np.concatenate([dense, thin])
+    dense, sparse = rng.random((20_000, 2)) * [1, 1], rng.random((2500, 2)) * [1, 1] + [1, 0]
+    flat = np.concatenate([dense, sparse])
     points = np.column_stack([flat[:, 0], 0.02 * np.sin(9 * flat[:, 1]), flat[:, 1]])
     result = clean_scan(points, config=CleanConfig(floor=False, wall=False, points=1024))
     left = (result.points[:, 0] < 1).sum()

@@ -67,7 +67,7 @@ class OrientationCheck:
         clouds = clouds - clouds.mean(axis=1, keepdims=True)
         clouds = clouds / max(float(np.abs(clouds).max()), np.finfo(np.float64).tiny)
         with torch.inference_mode():
-            logits, _ = self._recognizer.agreed(torch.from_numpy(clouds).float())
+            logits, _ = self._recognizer.predict_ensemble(torch.from_numpy(clouds).float())
             logs = torch.log_softmax(logits, dim=1)
         column = self._recognizer.config.categories.index(category)
         odds: np.ndarray = (logs[:, column] - logs[:, -1]).double().numpy().reshape(-1, len(_YAWS)).max(axis=1)

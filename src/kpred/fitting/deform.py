@@ -12,7 +12,7 @@ import torch
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.visibility import Visibility
 from kpred.ops.typing import Float, Int
-from kpred.ops.worksharing import share_out
+from kpred.ops.worksharing import parallel_for
 from kpred.refinement.config import Deform as Deform
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.placement import Placement, fit_placement
@@ -248,5 +248,5 @@ def _each(work: Callable[[int], Value], count: int) -> list[Value]:
         for row in range(first, last):
             found[row] = work(row)
 
-    share_out(some, count, count * 1_000_000)
+    parallel_for(some, count, count * 1_000_000)
     return found  # type: ignore[return-value]

@@ -17,7 +17,7 @@ from kpred.nn import KPRed, Model
 from kpred.ops import squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float
-from kpred.pose.recognition import Reading
+from kpred.pose.recognition import PoseHypothesis
 from kpred.refinement.keypoints import RefineConfig, refine_keypoints
 
 SCREEN = RefineConfig(iterations=3, points=256, prior=0.05, unseen=0.5)
@@ -85,7 +85,9 @@ class Search:
     floor: float | None = None
 
 
-def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, partial: bool) -> list[Hypothesis]:
+def hypotheses(
+    points: np.ndarray, readings: Sequence[PoseHypothesis], search: Search, partial: bool
+) -> list[Hypothesis]:
     """Every reading tried, the likeliest first.
 
     Args:
@@ -120,7 +122,7 @@ def hypotheses(points: np.ndarray, readings: Sequence[Reading], search: Search, 
 
 
 def _frames(
-    points: np.ndarray, readings: Sequence[Reading], network: KPRed, search: Search, partial: bool
+    points: np.ndarray, readings: Sequence[PoseHypothesis], network: KPRed, search: Search, partial: bool
 ) -> tuple[list[Frame], list[float]]:
     none = [0.0] * len(readings)
     if search.frame_known:
@@ -169,7 +171,7 @@ def thickened(
     return low, high
 
 
-def initial_frame(points: np.ndarray, reading: Reading, known: bool) -> Frame:
+def initial_frame(points: np.ndarray, reading: PoseHypothesis, known: bool) -> Frame:
     """Frame of what is seen, turned as a reading says; the identity where the scan lies in its unit box."""
     return Frame(center=np.zeros(3), scale=1.0) if known else unit_box_frame(points, reading.rotation)
 

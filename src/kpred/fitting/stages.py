@@ -19,8 +19,8 @@ from kpred.fitting.options import FitOptions
 from kpred.fitting.visibility import Visibility, all_seen, lacks_parts, predicted
 from kpred.nn import Model
 from kpred.ops.rotations import yaw_rotation
-from kpred.pose.proposals import check_known_frame, judged, placements, up_axis
-from kpred.pose.recognition import Reading
+from kpred.pose.proposals import check_known_frame, generate_poses, score_poses, up_axis
+from kpred.pose.recognition import PoseHypothesis
 from kpred.preprocessing.clean import CleanConfig, CleaningStep, clean_scan
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import distances, spacing
@@ -137,7 +137,7 @@ def clean(points: np.ndarray, up: str, options: FitOptions) -> CleanScan:
     return CleanScan(cleaned.points[:SCAN_POINTS], len(points), up, floor, cleaned.steps)
 
 
-def propose_poses(scan: CleanScan, context: Context, options: FitOptions) -> list[Reading]:
+def propose_poses(scan: CleanScan, context: Context, options: FitOptions) -> list[PoseHypothesis]:
     """List rotations and categories worth trying, the likeliest first.
 
     Raises:
@@ -146,20 +146,20 @@ def propose_poses(scan: CleanScan, context: Context, options: FitOptions) -> lis
     recognizer, categories = context.model.recognizer, context.categories
     if options.known:
         check_known_frame(scan.points)
-        found = judged(scan.points, [np.eye(3)], recognizer, categories)
+        found = score_poses(scan.points, [np.eye(3)], recognizer, categories)
     else:
-        found = placements(scan.points, scan.up, options.pose, recognizer, categories)
+        found = generate_poses(scan.points, scan.up, options.pose, recognizer, categories)
     return worth_trying(found, recognizer is not None)
 
 
-def worth_trying(readings: Sequence[Reading], are_scored: bool) -> list[Reading]:
+def worth_trying(readings: Sequence[PoseHypothesis], are_scored: bool) -> list[PoseHypothesis]:
     """Keep readings, by falling odds, that may still turn out best; all of them where nothing scored them."""
     if not are_scored:
         return list(readings)
     return [reading for reading in readings[:MAX_READINGS] if reading.log_odds > readings[0].log_odds - ODDS_RANGE]
 
 
-def try_poses(scan: CleanScan, readings: Sequence[Reading], context: Context, options: FitOptions) -> Tried:
+def try_poses(scan: CleanScan, readings: Sequence[PoseHypothesis], context: Context, options: FitOptions) -> Tried:
     """Encode, retrieve and quickly fit every reading, by the networks for what the scan shows of the object.
 
     Raises:
@@ -191,7 +191,7 @@ def align(tried: Tried, context: Context, options: FitOptions) -> Tried:
     return Tried(best, tried.every, _visibility(best.candidates, context, options))
 
 
-def _lacks_parts(scan: CleanScan, reading: Reading, context: Context, options: FitOptions) -> bool:
+def _lacks_parts(scan: CleanScan, reading: PoseHypothesis, context: Context, options: FitOptions) -> bool:
     """Whether the networks for partial scans read this one: they do where anything is likely hidden."""
     if options.partial is not None:
         return options.partial

@@ -14,7 +14,7 @@ from kpred.errors import ConfigError
 from kpred.nn.context import ContextBlock
 from kpred.ops.typing import Float
 
-MOST_TURN = 0.5
+MAX_YAW_CORRECTION = 0.5
 """Largest correction of a turn that the network gives, radians."""
 
 
@@ -94,17 +94,17 @@ class Recognizer(nn.Module):
         for layer in self.shape:
             shape = functional.leaky_relu(layer(shape), 0.1)
         answers = self.output(shape)
-        return answers[:, :-1], MOST_TURN * torch.tanh(answers[:, -1])
+        return answers[:, :-1], MAX_YAW_CORRECTION * torch.tanh(answers[:, -1])
 
-    def agreed(
+    def predict_ensemble(
         self, points: Float[Tensor, "batch points 3"]
     ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
         """`forward`, with the second opinion if there is one: the mean log-probabilities, and the mean turn."""
-        logits, turn = self(points)
+        logits, yaw = self(points)
         if self.second is None:
-            return logits, turn
-        others, other_turn = self.second(points)
-        return (logits.log_softmax(1) + others.log_softmax(1)) / 2, (turn + other_turn) / 2
+            return logits, yaw
+        other_logits, other_yaw = self.second(points)
+        return (logits.log_softmax(1) + other_logits.log_softmax(1)) / 2, (yaw + other_yaw) / 2
 
 
 def robust_unit_box(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:

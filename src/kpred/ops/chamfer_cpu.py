@@ -9,7 +9,7 @@ import numpy as np
 
 from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.ops.typing import Float
-from kpred.ops.worksharing import share_out
+from kpred.ops.worksharing import parallel_for
 
 
 def chamfer_of_each(
@@ -28,7 +28,7 @@ def chamfer_of_each(
     ways = 1 if one_way else 2
     means = np.zeros((len(results), ways))
     pairs = len(asked) * results.shape[1] + (ways - 1) * -(-results.shape[1] // step) * len(target)
-    share_out(
+    parallel_for(
         lambda first, last: _mean_distances(target, asked, results, step, means, first, last),
         means.size,
         len(results) * pairs // 2,

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from kpred.ops.typing import Float, Int
-from kpred.ops.worksharing import share_out
+from kpred.ops.worksharing import parallel_for
 
 _STEPS = 4
 """Elementary steps of one point and one face."""
@@ -27,7 +27,7 @@ def closest_points(
     planes = _planes(corners)
     middles = corners.mean(axis=1)
     reach = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
-    share_out(
+    parallel_for(
         lambda first, last: _closest(queries, corners, planes, middles, reach, squared, face, first, last),
         len(points),
         _STEPS * len(points) * len(faces),

@@ -13,7 +13,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from kpred.ops.worksharing import share_out
+from kpred.ops.worksharing import parallel_for
 
 LANES = 64
 """Queries at a time."""
@@ -219,14 +219,14 @@ def nearest_blocks(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray
     box = np.empty((clouds, 6, blocks), np.float32)
     query_order = np.empty(query.shape[:2], np.int32)
     # Sorting a point costs about as much as twenty distances.
-    share_out(
+    parallel_for(
         lambda first, last: sort_reference(reference, points, order, box, first, last), clouds, 20 * clouds * size
     )
-    share_out(lambda first, last: _sort_all(query, query_order, first, last), len(query), 20 * query_order.size)
+    parallel_for(lambda first, last: _sort_all(query, query_order, first, last), len(query), 20 * query_order.size)
     distance = np.empty((batch, count), np.float32)
     index = np.empty((batch, count), np.int64)
     jobs = batch * -(-count // LANES)
-    share_out(
+    parallel_for(
         lambda first, last: search_sorted(query, query_order, points, order, box, distance, index, first, last),
         jobs,
         jobs * LANES * size // 2,

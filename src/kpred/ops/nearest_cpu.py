@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from kpred.ops.nearest_blocks import LEAST, PACK, nearest_blocks, search_sorted, sort_cloud, sort_reference
-from kpred.ops.worksharing import share_out
+from kpred.ops.worksharing import parallel_for
 
 LANES = 64
 
@@ -67,7 +67,7 @@ def nearest_brute(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray,
     distance = np.empty((batch, count), np.float32)
     index = np.empty((batch, count), np.int64)
     jobs = batch * ((count + LANES - 1) // LANES)
-    share_out(
+    parallel_for(
         lambda first, last: _nearest(query, reference, distance, index, first, last),
         jobs,
         jobs * LANES * reference.shape[1],

@@ -14,7 +14,7 @@ from kpred.ops.typing import Float, Int
 
 try:
     from kpred.ops import weighted_sums_cpu as compiled
-    from kpred.ops.worksharing import share_out
+    from kpred.ops.worksharing import parallel_for
 except ImportError:  # numba is absent on machines that only train
     compiled = None  # type: ignore[assignment]
 
@@ -106,7 +106,7 @@ def deformed(
     moved = torch.empty_like(points, memory_format=torch.contiguous_format)
     arrays = [part.contiguous().numpy() for part in (points, basis, displacement)]
     steps = basis.numel() * 3
-    share_out(lambda first, last: compiled.deform(*arrays, moved.numpy(), first, last), len(points), steps)
+    parallel_for(lambda first, last: compiled.deform(*arrays, moved.numpy(), first, last), len(points), steps)
     return moved
 
 

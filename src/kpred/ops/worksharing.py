@@ -23,7 +23,7 @@ SLICES = 4
 _pool: ThreadPoolExecutor | None = None
 
 
-def share_out(kernel: Callable[[int, int], None], jobs: int, steps: int) -> None:
+def parallel_for(kernel: Callable[[int, int], None], jobs: int, steps: int) -> None:
     """`kernel(first, last)` for slices that make up range(jobs), on as many threads as numba is set to use.
 
     Whoever is free takes the next slice: a thread that wakes late, or not at all, keeps nobody waiting.

@@ -1,4 +1,4 @@
-"""Pose estimators: what turns a scan from where it stands into the canonical frame (y up, front +z)."""
+"""Pose estimators: rotations from a scan's own frame to the canonical frame (y up, front +z)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ENTRY_POINTS = "kpred.pose_estimators"
 
 @runtime_checkable
 class PoseEstimator(Protocol):
-    """Hypotheses of how an object stands in its scan.
+    """Interface of a pose estimator: rotations from the scan's frame to the canonical frame.
 
     Called with the scan's points (N, 3), in its own frame and unit, and its up axis (x, y, z, -x, -y, -z, or "auto"
     where it is unknown), it gives rotations R (3, 3), the most plausible first, such that R @ x is canonical up to
@@ -31,22 +31,22 @@ class PoseEstimator(Protocol):
     """
 
     def __call__(self, points: Float[np.ndarray, "points 3"], up: str) -> list[np.ndarray]:
-        """Rotations from the scan's frame to the canonical frame."""
+        """Return rotations (3, 3), the most plausible first."""
         ...
 
 
 @dataclass(frozen=True)
 class IdentityPose:
-    """The object faces +z already; its up axis, if it is another than y, is turned to y."""
+    """Estimator for objects that face +z already; rotates another up axis to y."""
 
     def __call__(self, points: Float[np.ndarray, "points 3"], up: str) -> list[np.ndarray]:
-        """One rotation; "auto" counts as y."""
+        """Return the rotation of the up axis to y; "auto" counts as y."""
         return [upright_rotation("y" if up == "auto" else up)]
 
 
 @dataclass(frozen=True)
 class GivenPose:
-    """The rotation is known.
+    """Estimator that returns a given rotation.
 
     Attributes:
         rotation: (3, 3) from the scan's frame to the canonical frame.
@@ -55,36 +55,36 @@ class GivenPose:
     rotation: Float[np.ndarray, "3 3"]
 
     def __call__(self, points: Float[np.ndarray, "points 3"], up: str) -> list[np.ndarray]:
-        """The given rotation; `up` is contained in it."""
+        """Return the given rotation; `up` is contained in it."""
         return [self.rotation]
 
 
 @dataclass(frozen=True)
 class UprightPose:
-    """The object stands on its feet, and its yaw is unknown.
+    """Estimator for upright objects of unknown yaw.
 
     Attributes:
-        most: number of hypotheses.
+        max_yaws: maximum number of hypotheses.
     """
 
-    most: int = 8
+    max_yaws: int = 8
 
     def __call__(self, points: Float[np.ndarray, "points 3"], up: str) -> list[np.ndarray]:
-        """Rotations about the up axis; where up is unknown, about the one or two likeliest axes, taking turns."""
+        """Return rotations about the up axis, or alternately about the one or two likeliest axes."""
         if up != "auto":
-            return self._about(points, up, self.most)
+            return self._about(points, up, self.max_yaws)
         axes = find_up(points)
-        each = [self._about(points, axis, self.most // len(axes)) for axis in axes]
-        return [rotation for turn in zip(*each) for rotation in turn]
+        each = [self._about(points, axis, self.max_yaws // len(axes)) for axis in axes]
+        return [rotation for group in zip(*each) for rotation in group]
 
     @staticmethod
-    def _about(points: np.ndarray, up: str, most: int) -> list[np.ndarray]:
+    def _about(points: np.ndarray, up: str, max_yaws: int) -> list[np.ndarray]:
         upright = upright_rotation(up)
-        return [yaw_rotation(turn) @ upright for turn in yaw_hypotheses(points @ upright.T, most)]
+        return [yaw_rotation(yaw) @ upright for yaw in yaw_hypotheses(points @ upright.T, max_yaws)]
 
 
 def pose_estimator(name: str) -> PoseEstimator:
-    """The estimator of this name: a built-in, or one registered by an installed package.
+    """Return the estimator of this name: built in, or registered by an installed package.
 
     "identity"; "upright"; "given:FILE", see `given_pose`.
 
@@ -115,7 +115,7 @@ def pose_estimator(name: str) -> PoseEstimator:
 
 
 def given_pose(source: str) -> GivenPose:
-    """The pose in a file: a 4x4 (or 3x3) matrix in .txt, .npy or .json, or an entry of a Scan2CAD annotation.
+    """Read a pose: a 4x4 (or 3x3) matrix in .txt, .npy or .json, or a model of a Scan2CAD annotation.
 
     The matrix takes the canonical object (y up, front +z) to the scan, as pose estimators and Scan2CAD give it, in
     column vectors; only its rotation is used, because position and size are found in the fit. JSON holds the rows, or
@@ -154,7 +154,7 @@ def given_pose(source: str) -> GivenPose:
 
 
 def _scan2cad_rotation(content: Any, selected: str, source: str) -> np.ndarray:
-    """Scan to canonical: model to world and scan to world are given, and models face -z."""
+    """Compute scan to canonical from model to world and scan to world; models face -z."""
     scene_name, _, number = selected.rpartition("/")
     scenes = content if isinstance(content, list) else [content]
     try:
@@ -189,7 +189,7 @@ def _quaternion_matrix(wxyz: Any, source: str) -> np.ndarray:
 
 
 def _inverse_rotation(matrix: Any, source: str) -> np.ndarray:
-    """Inverse of the rotation in a matrix that may also hold a scale for each axis of the object."""
+    """Invert the rotation in a matrix that may also hold a scale for each axis of the object."""
     try:
         pose = np.asarray(matrix, dtype=np.float64)
     except (TypeError, ValueError) as error:

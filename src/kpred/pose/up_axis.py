@@ -1,4 +1,4 @@
-"""Which way is up: the axis along which a cloud looks most like furniture that stands on its feet."""
+"""Up axis of a scan, by geometric evidence for furniture that stands on its feet."""
 
 from __future__ import annotations
 
@@ -8,43 +8,41 @@ import numpy as np
 
 from kpred.ops.rotations import UP_AXES
 from kpred.ops.typing import Float
-from kpred.preprocessing.floor_and_wall import floor_stub
+from kpred.preprocessing.floor_and_wall import detect_floor
 from kpred.preprocessing.normals import estimate_normals, neighbour_normals
 from kpred.preprocessing.outliers import neighbourhood
 
 SAMPLE = 2048
 
 PRIOR = {"y": 0.0, "z": 0.0, "-y": -2.0, "-z": -3.5, "x": -3.5, "-x": -3.5}
-"""Files have y or z up and cameras -y; of the others only clear evidence convinces. Log-odds."""
+"""Prior log-odds: files have y or z up, cameras -y; other axes need clear evidence."""
 
-FLOOR = 4.0
-"""What a piece of floor that reaches beyond the object says for its axis. Log-odds."""
+FLOOR_LOG_ODDS = 4.0
+"""Log-odds that a piece of floor beyond the object adds for its axis."""
 
-BEYOND_FLOOR = 10.0
-"""Axes that are so much less likely than the best (log-odds) are not asked whether there is a floor. Of 1,260 axes of
-depth scans of training shapes they were 38 %, and none of them was right.
-"""
+MAX_FLOOR_DEFICIT = 10.0
+"""Axes whose log-odds are this much below the best are not searched for a floor."""
 
-SURE = 4.0
-"""Log-odds of the first axis against the second from which on the second is not worth trying."""
+CLEAR_LOG_ODDS = 4.0
+"""With at least this log-odds against the second axis, only the first is returned."""
 
 WEIGHTS = np.array([4.2, 7.72, 5.0, 4.19, -2.75, -0.66, 0.38, -6.95, 1.33, 1.37])
-"""Of the evidence of `_evidence`: a logistic regression on depth scans of this package's synthetic furniture."""
+"""Weights of `_evidence`: a logistic regression on depth scans of the synthetic furniture."""
 
 
 def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
-    """The axes (x, y, z, -x, -y, -z) that may point up, the most plausible first: one if it is clear, else two.
+    """Return the likeliest up axes (x, y, z, -x, -y, -z): one if it is clear, else two.
 
-    Furniture stands: its lowest points span an area that its middle lies over, on the floor if that was scanned too;
-    its surfaces are level or upright, and those that carry are well above its feet.
+    Furniture stands: its lowest points span an area below its middle, on the floor if that was scanned too; its
+    surfaces are horizontal or vertical, and load-bearing ones lie well above its feet.
     """
     scores = up_scores(points)
     order = sorted(scores, key=lambda name: -scores[name])
-    return order[:1] if scores[order[0]] - scores[order[1]] > SURE else order[:2]
+    return order[:1] if scores[order[0]] - scores[order[1]] > CLEAR_LOG_ODDS else order[:2]
 
 
 def up_scores(points: Float[np.ndarray, "points 3"]) -> dict[str, float]:
-    """Log-odds of each axis (x, y, z, -x, -y, -z) for pointing up, up to a constant."""
+    """Return the log-odds of each axis (x, y, z, -x, -y, -z) for pointing up, up to a constant."""
     rows = np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(np.int64)
     sample = points[rows] - points[rows].mean(axis=0)
     distance = np.linalg.norm(sample, axis=1)
@@ -59,12 +57,12 @@ def up_scores(points: Float[np.ndarray, "points 3"]) -> dict[str, float]:
     whole = _Surface(sample, sample[some], *normals)
     axes = {name: np.array(axis, dtype=np.float64) for name, axis in UP_AXES.items()}
     scores = {name: PRIOR[name] + float(_evidence(whole, up) @ WEIGHTS) for name, up in axes.items()}
-    likely = [name for name in axes if scores[name] > max(scores.values()) - BEYOND_FLOOR]
+    likely = [name for name in axes if scores[name] > max(scores.values()) - MAX_FLOOR_DEFICIT]
     for name in likely:
-        floor = floor_stub(sample, near.reach, axes[name], 1.0, least_beyond=0.15)
+        floor = detect_floor(sample, near.reach, axes[name], 1.0, min_beyond=0.15)
         if floor is None:
             continue
-        scores[name] = PRIOR[name] + FLOOR
+        scores[name] = PRIOR[name] + FLOOR_LOG_ODDS
         if np.count_nonzero(~floor.points) >= 64:
             scores[name] += float(_evidence(_surface(sample[~floor.points]), axes[name]) @ WEIGHTS)
     return scores
@@ -86,7 +84,7 @@ def _surface(points: np.ndarray) -> _Surface:
 
 
 def _evidence(surface: _Surface, up: np.ndarray) -> np.ndarray:
-    """Ten numbers that tell standing furniture from furniture that lies or hangs, none depending on unit or yaw."""
+    """Compute ten features that separate standing furniture from lying or hanging; independent of unit and yaw."""
     points, sampled = surface.points, surface.sampled
     normals, planarity = surface.normals, surface.planarity
     height = points @ up

@@ -12,19 +12,19 @@ from kpred.ops.typing import Float
 from kpred.preprocessing.normals import estimate_normals
 
 QUARTER = np.pi / 2
-SAME = np.radians(3.0)
-"""Yaws closer than this are one hypothesis: keypoints and refinement bridge the rest."""
+MERGE_ANGLE = np.radians(3.0)
+"""Yaws closer than this (radians) are merged; keypoints and refinement correct the rest."""
 
 SAMPLE = 2048
 
 
-def yaw_hypotheses(points: Float[np.ndarray, "points 3"], most: int = 8) -> list[float]:
-    """Turns about +y (radians, in (-pi, pi]) after which furniture may stand straight, the most plausible first.
+def yaw_hypotheses(points: Float[np.ndarray, "points 3"], max_yaws: int = 8) -> list[float]:
+    """Propose yaws about +y (radians, in (-pi, pi]) that align furniture with the axes, the most plausible first.
 
-    Furniture has straight sides, so turns come in fours. Directions are proposed by the tightest rectangle around the
+    Furniture has straight sides, so yaws come in fours. Directions are proposed by the tightest rectangle around the
     footprint, by the normals of vertical surfaces, and by the direction in which the footprint falls into the
-    sharpest lines; proposals within three degrees are one. The first four turns are those of the likeliest
-    direction. Leaving the scan as it stands is the last one, if there is room for it.
+    sharpest lines; proposals within three degrees are merged. The first four yaws are those of the likeliest
+    direction. The identity comes last, if there is room for it.
 
     Args:
         points: y up, any unit.
@@ -43,7 +43,7 @@ def yaw_hypotheses(points: Float[np.ndarray, "points 3"], most: int = 8) -> list
     merged: list[list[float]] = []
     for angle in proposals:
         for group in merged:
-            if abs(_quarter_difference(angle, group[0])) < SAME:
+            if abs(_quarter_difference(angle, group[0])) < MERGE_ANGLE:
                 group.append(angle)
                 break
         else:
@@ -56,20 +56,20 @@ def yaw_hypotheses(points: Float[np.ndarray, "points 3"], most: int = 8) -> list
         position = group[0] / QUARTER * len(sharp)
         score = float(sharp[int(round(position)) % len(sharp)] / sharp.max())
         score += aligned * min(1.0, float(weight.sum()) / 100.0) + 0.15 * (len(group) - 1)
-        # Many normals tell the direction more precisely than two corners of the outline.
+        # Many normals give the direction more precisely than two corners of the outline.
         exact = group[0] + float(np.average(offset[close], weights=weight[close])) if close.sum() >= 50 else group[0]
         scored.append((score, exact))
     scored.sort(key=lambda entry: -entry[0])
-    turns: list[float] = []
-    for _, angle in scored[: max(1, most // 4)]:
-        turns += _ordered_quarters(sample, angle)
-    if len(turns) < most and all(abs(_difference(turn, 0.0)) > SAME for turn in turns):
-        turns.append(0.0)
-    return turns[:most]
+    yaws: list[float] = []
+    for _, angle in scored[: max(1, max_yaws // 4)]:
+        yaws += _ordered_quarters(sample, angle)
+    if len(yaws) < max_yaws and all(abs(_difference(yaw, 0.0)) > MERGE_ANGLE for yaw in yaws):
+        yaws.append(0.0)
+    return yaws[:max_yaws]
 
 
 def rectangle_yaw(footprint: Float[np.ndarray, "points 2"]) -> float:
-    """Turn about y, in [0, pi/2), that makes the tightest rectangle around the (x, z) footprint axis-aligned."""
+    """Return the yaw in [0, pi/2) that aligns the tightest rectangle around an (x, z) footprint with the axes."""
     try:
         corners = footprint[ConvexHull(footprint).vertices]
     except (QhullError, ValueError):
@@ -84,13 +84,13 @@ def rectangle_yaw(footprint: Float[np.ndarray, "points 2"]) -> float:
 
 
 def _wall_angles(normals: np.ndarray, planarity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles modulo a quarter turn, and weights, of the normals of vertical surfaces."""
+    """Return angles modulo a quarter turn, and weights, of the normals of vertical surfaces."""
     vertical = (np.abs(normals[:, 1]) < 0.25) & (planarity > 0.2)
     chosen = normals[vertical]
     return np.arctan2(chosen[:, 2], chosen[:, 0]) % QUARTER, planarity[vertical] ** 2
 
 
-def _wall_peaks(angle: np.ndarray, weight: np.ndarray, most: int = 2) -> list[float]:
+def _wall_peaks(angle: np.ndarray, weight: np.ndarray, max_peaks: int = 2) -> list[float]:
     bins = 90
     if len(angle) < 12:
         return []
@@ -98,7 +98,7 @@ def _wall_peaks(angle: np.ndarray, weight: np.ndarray, most: int = 2) -> list[fl
     smooth = sum(np.roll(histogram, shift) * share for shift, share in ((-2, 0.5), (-1, 1), (0, 1), (1, 1), (2, 0.5)))
     smooth = np.asarray(smooth)
     peaks: list[float] = []
-    for _ in range(most):
+    for _ in range(max_peaks):
         peak = int(smooth.argmax())
         if smooth[peak] < 0.1 * weight.sum():
             break
@@ -111,7 +111,7 @@ def _wall_peaks(angle: np.ndarray, weight: np.ndarray, most: int = 2) -> list[fl
 
 
 def _sharpness(footprint: np.ndarray, bins: int = 64) -> np.ndarray:
-    """For each degree of a quarter turn, how unevenly the turned footprint spreads over its two axes."""
+    """Measure, for each degree of a quarter turn, how unevenly the footprint spreads over its two axes."""
     angles = np.arange(90) * QUARTER / 90
     counts = np.zeros((2, 90, 2 * bins))
     _spread(np.ascontiguousarray(footprint), np.cos(angles), np.sin(angles), counts)
@@ -123,31 +123,31 @@ def _sharpness(footprint: np.ndarray, bins: int = 64) -> np.ndarray:
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _spread(footprint, c, s, counts):
-    """Counts points of the turned footprint in bins between -1.5 and 1.5 along its two axes."""
+    """Count points of the rotated footprint in bins between -1.5 and 1.5 along its two axes."""
     bins = counts.shape[2]
-    for turn in range(len(c)):
+    for yaw in range(len(c)):
         for i in range(len(footprint)):
             x, z = footprint[i, 0], footprint[i, 1]
-            across, along = x * c[turn] + z * s[turn], z * c[turn] - x * s[turn]
-            counts[0, turn, min(max(int((across + 1.5) / 3.0 * bins), 0), bins - 1)] += 1.0
-            counts[1, turn, min(max(int((along + 1.5) / 3.0 * bins), 0), bins - 1)] += 1.0
+            across, along = x * c[yaw] + z * s[yaw], z * c[yaw] - x * s[yaw]
+            counts[0, yaw, min(max(int((across + 1.5) / 3.0 * bins), 0), bins - 1)] += 1.0
+            counts[1, yaw, min(max(int((along + 1.5) / 3.0 * bins), 0), bins - 1)] += 1.0
 
 
 def _ordered_quarters(points: np.ndarray, angle: float) -> list[float]:
-    """The four turns of one direction: first those with the long side across and the high part at the back (-z)."""
+    """Order the four yaws of one direction: long side across and high part at the back (-z) first."""
     x, z = points[:, 0], points[:, 2]
     height = points[:, 1]
     high = height >= np.quantile(height, 0.8)
     entries = []
     for quarter in range(4):
-        turn = (angle + quarter * QUARTER + np.pi) % (2 * np.pi) - np.pi
-        across = x * np.cos(turn) + z * np.sin(turn)
-        along = z * np.cos(turn) - x * np.sin(turn)
+        yaw = (angle + quarter * QUARTER + np.pi) % (2 * np.pi) - np.pi
+        across = x * np.cos(yaw) + z * np.sin(yaw)
+        along = z * np.cos(yaw) - x * np.sin(yaw)
         width, depth = (float(np.ptp(np.quantile(value, [0.01, 0.99]))) for value in (across, along))
         middle = float(np.quantile(along, [0.01, 0.99]).mean())
         behind = (middle - float(along[high].mean())) / max(depth, 1e-12)
-        entries.append((-(2.0 * behind + np.log(max(width, 1e-12) / max(depth, 1e-12))), float(turn)))
-    return [turn for _, turn in sorted(entries)]
+        entries.append((-(2.0 * behind + np.log(max(width, 1e-12) / max(depth, 1e-12))), float(yaw)))
+    return [yaw for _, yaw in sorted(entries)]
 
 
 def _quarter_difference(angle: np.ndarray | float, other: float) -> np.ndarray:

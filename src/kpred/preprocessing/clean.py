@@ -1,4 +1,4 @@
-"""Cleaning a scan of one object: from what a scanner and a crop leave in it to points of the object, evenly spread."""
+"""Cleaning of the scan of one object: removes outliers, floor and wall, and evens out the density."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from kpred.errors import ConfigError, ScanError
 from kpred.ops.rotations import UP_AXES
 from kpred.ops.typing import Bool, Float
-from kpred.preprocessing.config import LEAST_POINTS, CleanConfig
+from kpred.preprocessing.config import MIN_POINTS, CleanConfig
 from kpred.preprocessing.downsample import poisson_disc, voxel_representatives
-from kpred.preprocessing.floor_and_wall import floor_stub, wall_directions, wall_stub
+from kpred.preprocessing.floor_and_wall import detect_floor, detect_wall, wall_directions
 from kpred.preprocessing.normals import estimate_normals, orient_normals
 from kpred.preprocessing.outliers import Neighbourhood, duplicate_points, island_points, neighbourhood, stray_points
-from kpred.preprocessing.planes import end_sheet
+from kpred.preprocessing.planes import find_end_patch
 
 WORKING_POINTS = 4500
-"""Larger scans are judged by this many of their points, one for each cell of a grid."""
+"""Larger scans are represented by this many points, one for each cell of a grid."""
 
 
 @dataclass(frozen=True)
 class CleaningStep:
-    """What one step did: its name, how many points it removed, and why or why not."""
+    """Report of one step: its name, the number of points removed, and the reason."""
 
     name: str
     removed: int
@@ -34,13 +34,12 @@ class CleanedScan:
     """A cleaned scan.
 
     Attributes:
-        points: (M, 3) that are left, in the scan's own frame, units and order; M >= 64 if N >= 64.
-        kept: (N,) which points of the scan they are.
-        steps: what each step did, in order.
-        floor_height: of the removed piece of floor, along the up axis, below the middle of the object; None if no floor
-            was seen.
-        normals: (M, 3) unit vectors, if asked for.
-        object_points: (N,) points of the scan that are the object's: `kept` before thinning.
+        points: (M, 3) remaining points, in the scan's own frame, units and order; M >= 64 if N >= 64.
+        kept: (N,) mask of the remaining points.
+        steps: report of each step, in order.
+        floor_height: height of the removed floor along the up axis, below the middle of the object; None without floor.
+        normals: (M, 3) unit vectors, if configured.
+        object_points: (N,) mask of the object's points: `kept` before downsampling.
     """
 
     points: Float[np.ndarray, "kept 3"]
@@ -58,14 +57,14 @@ def clean_scan(
     sensor: Float[np.ndarray, "3"] | None = None,
     seed: int = 0,
 ) -> CleanedScan:
-    """Remove what is not the object from the scan of one object, and even out its density.
+    """Clean the scan (N, 3) of one object: remove everything else and even out the density.
 
     Args:
         points: in any unit, finite.
         up: the scan's up axis, one of x, y, z, -x, -y, -z.
         config: the steps.
-        sensor: where the scanner stood, in the scan's frame; turns the normals.
-        seed: of the thinning.
+        sensor: position of the scanner, in the scan's frame; orients the normals.
+        seed: of the downsampling.
 
     Raises:
         ConfigError: if `up` is no axis name.
@@ -79,10 +78,10 @@ def clean_scan(
     if config.duplicates:
         cleaning.remove_duplicates()
     if config.outliers or config.floor or config.wall:
-        cleaning.remove_what_is_not_the_object()
+        cleaning.remove_surroundings()
     object_points = cleaning.kept.copy()
     if config.density:
-        cleaning.thin(seed)
+        cleaning.downsample(seed)
     left = points[cleaning.kept]
     normals = None
     if config.normals:
@@ -96,7 +95,7 @@ def clean_scan(
 
 
 class _Cleaning:
-    """The state of one cleaning: which points are still kept, and what was reported."""
+    """State of one cleaning: mask of remaining points, and reports."""
 
     def __init__(self, points: np.ndarray, up: np.ndarray, config: CleanConfig) -> None:
         self.points, self.up, self.config = points, up, config
@@ -107,7 +106,7 @@ class _Cleaning:
     def remove_duplicates(self) -> None:
         self._remove("duplicates", duplicate_points(self.points), "exact repeats of an earlier point")
 
-    def remove_what_is_not_the_object(self) -> None:
+    def remove_surroundings(self) -> None:
         names = [name for name in ("outliers", "floor", "wall") if getattr(self.config, name)]
         rows = np.flatnonzero(self.kept)
         cell = np.arange(len(rows))
@@ -116,35 +115,35 @@ class _Cleaning:
             working = self.points[rows[chosen]]
         else:
             working = self.points[rows]
-        if len(working) <= LEAST_POINTS or _size(working) <= 0:
+        if len(working) <= MIN_POINTS or _size(working) <= 0:
             self.steps += [CleaningStep(name, 0, "skipped: too few points or no extent") for name in names]
             return
-        # Near the origin and of size one, whatever the scan's unit and place.
+        # Normalised to the origin and size one, independent of the scan's unit and place.
         middle, scale = working.mean(axis=0), _size(working)
         working = (working - middle) / scale
         everything = np.ones(len(working), dtype=bool)
         near = neighbourhood(working)
         stray = stray_points(near, 1.0, self.config.outlier_ratio)
-        alive = ~stray if len(working) - stray.sum() >= LEAST_POINTS else everything.copy()
+        alive = ~stray if len(working) - stray.sum() >= MIN_POINTS else everything.copy()
         if self.config.outliers:
-            self._remove("outliers", self._of(stray, rows, cell), "strays far from their neighbours")
-        if (self.config.floor or self.config.wall) and alive.sum() > LEAST_POINTS:
+            self._remove("outliers", self._scan_mask(stray, rows, cell), "strays far from their neighbours")
+        if (self.config.floor or self.config.wall) and alive.sum() > MIN_POINTS:
             before = alive
             alive = self._remove_room(working, near, alive, rows, cell, middle, scale)
             if alive.sum() < before.sum():
-                # What is left of floor and wall, their noise and what was close to them, now stands alone.
+                # Remains of floor and wall are isolated now.
                 working, cell = working[alive], np.where(alive, np.cumsum(alive) - 1, -1)[cell]
                 rows, cell = rows[cell >= 0], cell[cell >= 0]
                 near, alive = neighbourhood(working), np.ones(len(working), dtype=bool)
                 stray = stray_points(near, _size(working), self.config.outlier_ratio)
                 if self.config.outliers and self._remove(
-                    "outliers", self._of(stray, rows, cell), "after floor and wall"
+                    "outliers", self._scan_mask(stray, rows, cell), "after floor and wall"
                 ):
                     alive = ~stray
-        if self.config.outliers and alive.sum() > LEAST_POINTS:
-            shares = self.config.speck_share, self.config.island_share
-            island = island_points(working, near, alive, self.up, 1.0, *shares)
-            self._remove("islands", self._of(island, rows, cell), "small components far from the rest")
+        if self.config.outliers and alive.sum() > MIN_POINTS:
+            fractions = self.config.speck_fraction, self.config.island_fraction
+            island = island_points(working, near, alive, self.up, 1.0, *fractions)
+            self._remove("islands", self._scan_mask(island, rows, cell), "small components far from the rest")
 
     def _remove_room(
         self,
@@ -156,38 +155,38 @@ class _Cleaning:
         middle: np.ndarray,
         scale: float,
     ) -> np.ndarray:
-        """Floor and wall; each is looked for as if the other were not there."""
+        """Remove floor and wall, each detected without the other; return the mask of working points."""
         config = self.config
         chosen = np.flatnonzero(alive)
         left = working[chosen]
         reach = near.reach[chosen]
         size = _size(left)
-        # A floor that lies under a wall too would hide how far the wall reaches, and a wall that of the floor.
-        bottom = end_sheet(left, reach, self.up, size)
+        # A floor under a wall would hide the reach of the wall, and vice versa.
+        bottom = find_end_patch(left, reach, self.up, size)
         directions = wall_directions(working, near, self.up)
         standing = np.ones(len(left), dtype=bool) if bottom is None else ~bottom.inside
-        wall = wall_stub(left, reach, self.up, size, config.wall_beyond, directions, standing)
-        behind = None if wall is None else wall.sheet.height <= 1.5 * wall.sheet.thickness
-        floor = floor_stub(left, reach, self.up, size, config.floor_beyond, behind, bottom)
-        for name, stub, beyond in (("floor", floor, "times its footprint"), ("wall", wall, "of the scan's size")):
+        wall = detect_wall(left, reach, self.up, size, config.wall_beyond, directions, standing)
+        behind = None if wall is None else wall.patch.height <= 1.5 * wall.patch.thickness
+        floor = detect_floor(left, reach, self.up, size, config.floor_beyond, behind, bottom)
+        for name, surface, beyond in (("floor", floor, "times its footprint"), ("wall", wall, "of the scan's size")):
             if not getattr(config, name):
                 continue
-            if stub is None:
+            if surface is None:
                 self.steps.append(CleaningStep(name, 0, f"no piece of a {name} that reaches beyond the object"))
                 continue
             gone = np.zeros(len(working), dtype=bool)
-            gone[chosen[stub.points]] = True
+            gone[chosen[surface.points]] = True
             done = self._remove(
-                name, self._of(gone, rows, cell), f"reached beyond the object by {stub.beyond:.2f} {beyond}"
+                name, self._scan_mask(gone, rows, cell), f"reached beyond the object by {surface.beyond:.2f} {beyond}"
             )
             if done:
                 alive = alive & ~gone
             if name == "floor":
-                self.floor_height = self._height_of(stub.sheet.height, left, middle, scale)
+                self.floor_height = self._height_of(surface.patch.height, left, middle, scale)
         return alive
 
     def _height_of(self, above: np.ndarray, left: np.ndarray, middle: np.ndarray, scale: float) -> float:
-        # Of a leaning sheet: its level below the object's middle.
+        # Of a tilted patch: its level below the object's middle.
         horizontal = left - (left @ self.up)[:, None] * self.up
         rest = above > np.median(above)
         center = horizontal[rest].mean(axis=0)
@@ -195,14 +194,14 @@ class _Cleaning:
         level = float(np.median(left[nearest] @ self.up - above[nearest]))
         return level * scale + float(middle @ self.up)
 
-    def thin(self, seed: int) -> None:
+    def downsample(self, seed: int) -> None:
         rows = np.flatnonzero(self.kept)
-        least = self.config.points
+        min_count = self.config.points
         chosen = rows
-        if len(rows) > 5 * least:
-            # The grid is several times finer than the distance that follows, so that it leaves no trace.
-            chosen = rows[voxel_representatives(self.points[rows], 4 * least)[0]]
-        subset, distance = poisson_disc(self.points[chosen], least, seed)
+        if len(rows) > 5 * min_count:
+            # The grid is several times finer than the Poisson distance, so that it leaves no pattern.
+            chosen = rows[voxel_representatives(self.points[rows], 4 * min_count)[0]]
+        subset, distance = poisson_disc(self.points[chosen], min_count, seed)
         if distance == 0.0:
             self.steps.append(CleaningStep("density", 0, f"{len(rows)} points are too few to thin"))
             return
@@ -210,18 +209,18 @@ class _Cleaning:
         gone[chosen[subset]] = False
         self._remove("density", gone, f"points at least {distance:.4g} apart, in the scan's unit")
 
-    def _of(self, gone: np.ndarray, rows: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """Mask over the scan of a mask over the working points."""
+    def _scan_mask(self, gone: np.ndarray, rows: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """Map a mask over the working points to a mask (N,) over the scan."""
         result = np.zeros(len(self.points), dtype=bool)
         result[rows[gone[cell]]] = True
         return result
 
     def _remove(self, name: str, gone: np.ndarray, detail: str) -> bool:
-        """Unless that would leave too few points."""
+        """Remove masked points, unless too few would remain; return whether it was done."""
         gone = gone & self.kept
         removed = int(gone.sum())
-        if removed and self.kept.sum() - removed < LEAST_POINTS:
-            self.steps.append(CleaningStep(name, 0, f"backed off: it would leave fewer than {LEAST_POINTS} points"))
+        if removed and self.kept.sum() - removed < MIN_POINTS:
+            self.steps.append(CleaningStep(name, 0, f"backed off: it would leave fewer than {MIN_POINTS} points"))
             return False
         self.kept &= ~gone
         self.steps.append(CleaningStep(name, removed, detail if removed else "nothing to remove"))
@@ -229,6 +228,6 @@ class _Cleaning:
 
 
 def _size(points: np.ndarray) -> float:
-    """Extent of a cloud that neither its rotation nor a few strays change."""
+    """Measure the extent of a cloud, robust to rotation and outliers, in its unit."""
     distance = np.linalg.norm(points - points.mean(axis=0), axis=1)
     return 2.0 * float(np.quantile(distance, 0.98))

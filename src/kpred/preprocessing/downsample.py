@@ -1,4 +1,4 @@
-"""Even density: thinning a cloud so that every surface it shows carries the same number of points per area."""
+"""Downsampling of a cloud to the same number of points per area on every surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kpred.ops.typing import Float, Int
 def voxel_representatives(
     points: Float[np.ndarray, "points 3"], count: int
 ) -> tuple[Int[np.ndarray, " cells"], Int[np.ndarray, " points"], float]:
-    """One point for each occupied cell of a grid that has about `count` of them.
+    """Select one point for each occupied cell of a grid with about `count` occupied cells.
 
     Returns:
         Index of the point nearest to the middle of each cell's points; the cell of each point; edge of a cell.
@@ -39,18 +39,18 @@ def voxel_representatives(
 
 
 def poisson_disc(
-    points: Float[np.ndarray, "points 3"], least: int, seed: int
+    points: Float[np.ndarray, "points 3"], min_count: int, seed: int
 ) -> tuple[Int[np.ndarray, " kept"], float]:
-    """A subset whose points keep a distance from each other, as large as leaves at least `least` of them.
+    """Select a Poisson-disc subset of at least `min_count` points, with the largest possible distance.
 
-    In contrast to a grid it treats surfaces of all directions alike. Surfaces scanned more thinly stay as they are.
+    Unlike a grid, it treats surfaces of all directions alike. Sparser surfaces stay as they are.
 
     Returns:
-        Indices in ascending order, and the distance; all of them and 0 if there are no more than `least`.
+        Indices in ascending order, and the distance; all of them and 0 if there are no more than `min_count`.
     """
     count = len(points)
     everything = np.arange(count)
-    if count <= least:
+    if count <= min_count:
         return everything, 0.0
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     priority = np.random.default_rng(seed).permutation(count)
@@ -58,27 +58,27 @@ def poisson_disc(
     sample = priority[: min(count, 512)]
     neighbour = min(9, count)
     spacing = float(np.median(tree.query(points[sample], k=neighbour)[0][:, -1]))
-    others = 2.0 * (count / min(1.07 * least, 0.999 * count) - 1.0)
+    others = 2.0 * (count / min(1.07 * min_count, 0.999 * count) - 1.0)
     radius = spacing * np.sqrt(others / (neighbour - 1))
     if radius == 0.0:
         return everything, 0.0
     candidates = everything
     if np.mean(tree.query_ball_point(points[sample], radius, return_length=True)) > 40:
-        # Clumps would need memory for all of their pairs; a grid finer than the distance thins them first.
+        # Clumps would need memory for all of their pairs; a grid finer than the distance reduces them first.
         grid = np.floor((points - points.min(axis=0)) / (radius / 3)).astype(np.int64)
         candidates = np.sort(priority[np.unique(grid[priority], axis=0, return_index=True)[1]])
         points, priority = points[candidates], np.argsort(np.argsort(priority[candidates]))
         tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     for _ in range(6):
         kept = _greedy(tree, points, priority, radius)
-        if len(kept) >= least:
+        if len(kept) >= min_count:
             return candidates[kept], radius
-        radius *= 0.95 * np.sqrt(len(kept) / least)
+        radius *= 0.95 * np.sqrt(len(kept) / min_count)
     return everything, 0.0
 
 
 def _greedy(tree: cKDTree, points: np.ndarray, priority: np.ndarray, radius: float) -> np.ndarray:
-    """In the order of `priority`, each point that is not within `radius` of one kept before."""
+    """Select, in the order of `priority`, each point farther than `radius` from all selected before."""
     count = len(points)
     pairs = tree.query_pairs(radius, output_type="ndarray")
     first = np.concatenate([pairs[:, 0], pairs[:, 1]])

@@ -1,4 +1,4 @@
-"""Remains of the room in the scan of one object: pieces of the floor below it and of the wall behind it."""
+"""Detection of floor and wall in the scan of one object: pieces below it and behind it."""
 
 from __future__ import annotations
 
@@ -9,126 +9,129 @@ import numpy as np
 from kpred.ops.typing import Bool, Float
 from kpred.preprocessing.normals import neighbour_normals
 from kpred.preprocessing.outliers import Neighbourhood, outside_hull
-from kpred.preprocessing.planes import Sheet, end_sheet, own_points
+from kpred.preprocessing.planes import PlanarPatch, find_end_patch, object_points
 
-WALLED_FLOOR = 0.45
-"""Share of its outline along which a body must stand on the floor for its inside to be its own: two of four sides."""
+MIN_FLOOR_COVERAGE = 0.45
+"""Fraction of its outline along which a body must touch the floor to keep its bottom board: two of four sides."""
 
-WALLED_BACK = 0.7
-"""The same at a wall: top and two legs of a table stand along three of four sides there, and it has no back."""
+MIN_WALL_COVERAGE = 0.7
+"""The same at a wall, higher: a table touches it along three of four sides and has no back board."""
 
-LONGEST_PLATE, LONGEST_ARM = 0.33, 0.5
-"""How far from a single column its foot may reach, as a share of the scan's size."""
+MAX_PLATE_RADIUS, MAX_ARM_RADIUS = 0.33, 0.5
+"""Maximum radius of the foot around a single column, as fractions of the scan's size."""
 
-STAR_SHARE = 0.42
-"""What the arms of a star cover at most of the disc around it."""
+MAX_STAR_COVERAGE = 0.42
+"""Maximum fraction of the disc around a star foot that its arms cover."""
 
 
 @dataclass(frozen=True)
-class Stub:
-    """A piece of the room in a scan.
+class RoomSurface:
+    """A piece of floor or wall in a scan.
 
     Attributes:
-        points: (N,) True for what is to be removed.
-        sheet: where it lies.
-        beyond: how far it reaches beyond the object, as area over the object's outline (floor) or as a share of the
+        points: (N,) mask of the points to remove.
+        patch: its planar patch.
+        beyond: how far it reaches beyond the object, as area over the object's outline (floor) or as a fraction of the
             scan's size (wall).
     """
 
     points: Bool[np.ndarray, " points"]
-    sheet: Sheet
+    patch: PlanarPatch
     beyond: float
 
 
-def floor_stub(
+def detect_floor(
     points: Float[np.ndarray, "points 3"],
     reach: Float[np.ndarray, " points"],
     up: Float[np.ndarray, "3"],
     size: float,
-    least_beyond: float,
-    elsewhere: Bool[np.ndarray, " points"] | None = None,
-    sheet: Sheet | None = None,
-) -> Stub | None:
-    """A sheet at the bottom that reaches beyond the object's footprint; None if there is none.
+    min_beyond: float,
+    excluded: Bool[np.ndarray, " points"] | None = None,
+    patch: PlanarPatch | None = None,
+) -> RoomSurface | None:
+    """Find a planar patch at the bottom that reaches beyond the object's footprint, or None.
 
-    A sheet that stays within the footprint is the object's own (plinth, bottom board, plate), and so is anything
-    narrow (feet, sled bars, arms of a star), and what lies close around a single column.
+    A patch within the footprint belongs to the object (plinth, bottom board, plate), and so does anything narrow
+    (feet, sled bars, arms of a star) or close around a single column.
 
     Args:
         reach: each point's distance to its neighbours, see `Neighbourhood`.
         up: unit vector.
         size: of the scan, in its units.
-        least_beyond: least area outside of the footprint, as a share of the footprint's.
-        elsewhere: points known not to be the object's, such as the wall.
+        min_beyond: minimum area outside of the footprint, as a fraction of the footprint's.
+        excluded: points known not to be the object's, such as the wall.
     """
-    sheet = sheet or end_sheet(points, reach, up, size)
-    if sheet is None:
+    patch = patch or find_end_patch(points, reach, up, size)
+    if patch is None:
         return None
-    rest = sheet.height > 1.5 * sheet.thickness
-    if elsewhere is not None:
-        rest &= ~elsewhere
-    # With next to nothing above it the sheet is the object.
+    rest = patch.height > 1.5 * patch.thickness
+    if excluded is not None:
+        rest &= ~excluded
+    # With almost nothing above it the patch is the object.
     if rest.sum() < max(24, 0.1 * len(points)):
         return None
-    outside = outside_hull(sheet.plane, _trimmed(sheet.plane[rest]))
-    out = sheet.wide & (outside > 0.02 * size)
-    footprint = sheet.area(rest)
-    beyond = sheet.area(out) / max(footprint, sheet.cell**2)
-    if beyond < least_beyond or out.sum() < 0.08 * sheet.wide.sum():
+    outside = outside_hull(patch.plane, _trimmed(patch.plane[rest]))
+    out = patch.wide & (outside > 0.02 * size)
+    footprint = patch.area(rest)
+    beyond = patch.area(out) / max(footprint, patch.cell**2)
+    if beyond < min_beyond or out.sum() < 0.08 * patch.wide.sum():
         return None
-    if _is_foot(sheet, rest, size):
+    if _is_foot(patch, rest, size):
         return None
-    removed = (sheet.inside | (sheet.height < -sheet.thickness)) & ~own_points(sheet, rest, size, WALLED_FLOOR)
-    return Stub(removed, sheet, beyond)
+    own = object_points(patch, rest, size, MIN_FLOOR_COVERAGE)
+    removed = (patch.inside | (patch.height < -patch.thickness)) & ~own
+    return RoomSurface(removed, patch, beyond)
 
 
-def wall_stub(
+def detect_wall(
     points: Float[np.ndarray, "points 3"],
     reach: Float[np.ndarray, " points"],
     up: Float[np.ndarray, "3"],
     size: float,
-    least_beyond: float,
+    min_beyond: float,
     directions: list[np.ndarray],
     standing: Bool[np.ndarray, " points"],
-) -> Stub | None:
-    """A vertical sheet at one side that reaches beyond the object; None if there is none.
+) -> RoomSurface | None:
+    """Find a vertical planar patch at one side that reaches beyond the object, or None.
 
     It must reach beyond the object on both sides, or on one side and above: a chair's back reaches above the rest of
     the chair only, and of two sides of a cabinet seen over their corner each reaches beyond the other on one side.
 
     Args:
         directions: unit vectors from possible walls to the object, see `wall_directions`.
-        least_beyond: least reach on the second farthest side, as a share of the size; others as for `floor_stub`.
-        standing: points that are not in a sheet at the bottom: a floor may reach behind the wall.
+        min_beyond: minimum reach on the second farthest side, as a fraction of the size; others as for `detect_floor`.
+        standing: mask of points outside of a patch at the bottom: a floor may reach behind the wall.
     """
-    best: Stub | None = None
+    best: RoomSurface | None = None
     for inward in directions:
-        sheet = end_sheet(points, reach, inward, size, among=standing)
-        if sheet is None:
+        patch = find_end_patch(points, reach, inward, size, among=standing)
+        if patch is None:
             continue
-        rest = standing & (sheet.height > 1.5 * sheet.thickness)
+        rest = standing & (patch.height > 1.5 * patch.thickness)
         if rest.sum() < max(24, 0.1 * len(points)):
             continue
-        # An object is not thin: what lies within a few centimetres of the sheet is its frame or its mouldings.
-        if np.quantile(sheet.height[rest], 0.9) < 0.1 * size:
+        # An object is not thin: points within a few centimetres of the patch are its frame or mouldings.
+        if np.quantile(patch.height[rest], 0.9) < 0.1 * size:
             continue
-        beyond = _reach_beyond(points, sheet, rest, up, size)
-        if beyond < least_beyond or (best is not None and beyond <= best.beyond):
+        beyond = _reach_beyond(points, patch, rest, up, size)
+        if beyond < min_beyond or (best is not None and beyond <= best.beyond):
             continue
-        removed = (sheet.inside | (sheet.height < -sheet.thickness)) & ~own_points(sheet, rest, size, WALLED_BACK)
+        removed = (patch.inside | (patch.height < -patch.thickness)) & ~object_points(
+            patch, rest, size, MIN_WALL_COVERAGE
+        )
         if removed.sum() <= 0.75 * len(points):
-            best = Stub(removed, sheet, beyond)
+            best = RoomSurface(removed, patch, beyond)
     return best
 
 
-def _reach_beyond(points: np.ndarray, sheet: Sheet, rest: np.ndarray, up: np.ndarray, size: float) -> float:
-    """The lesser of the two farthest of: beyond the rest to the left, to the right, above; share of the size."""
-    lateral = points @ np.cross(up, sheet.normal)
+def _reach_beyond(points: np.ndarray, patch: PlanarPatch, rest: np.ndarray, up: np.ndarray, size: float) -> float:
+    """Return the second largest reach beyond the rest: left, right, above; fraction of the size."""
+    lateral = points @ np.cross(up, patch.normal)
     level = points @ up
     low, high = np.quantile(lateral[rest], [0.005, 0.995])
     top = float(np.quantile(level[rest], 0.995))
-    wide_lateral, wide_level = lateral[sheet.wide], level[sheet.wide]
-    # The reach of the outermost few points says nothing.
+    wide_lateral, wide_level = lateral[patch.wide], level[patch.wide]
+    # The outermost few points are noise.
     left = low - float(np.quantile(wide_lateral, 0.03))
     right = float(np.quantile(wide_lateral, 0.97)) - high
     above = float(np.quantile(wide_level, 0.97)) - top
@@ -139,7 +142,7 @@ def _reach_beyond(points: np.ndarray, sheet: Sheet, rest: np.ndarray, up: np.nda
 def wall_directions(
     points: Float[np.ndarray, "points 3"], near: Neighbourhood, up: Float[np.ndarray, "3"]
 ) -> list[np.ndarray]:
-    """Horizontal unit vectors that lead away from planes which many points of vertical surfaces lie on."""
+    """Return horizontal unit vectors (3,), away from the planes with many points of vertical surfaces."""
     rows = np.arange(0, len(points), max(1, len(points) // 1200))
     normals, planarity = neighbour_normals(points, np.column_stack([rows, near.index[rows]]))
     vertical = (np.abs(normals @ up) < 0.2) & (planarity > 0.3)
@@ -166,22 +169,22 @@ def wall_directions(
     return directions
 
 
-def _is_foot(sheet: Sheet, rest: np.ndarray, size: float) -> bool:
-    """Whether the sheet is the plate, ring or star under a single column, as of a swivel chair or a bar stool."""
-    above = rest & (sheet.height > 0.09 * size) & (sheet.height <= 0.2 * size)
+def _is_foot(patch: PlanarPatch, rest: np.ndarray, size: float) -> bool:
+    """Test whether the patch is the plate, ring or star under a single column, as of a swivel chair."""
+    above = rest & (patch.height > 0.09 * size) & (patch.height <= 0.2 * size)
     if above.sum() < 3:
         return False
-    center = np.median(sheet.plane[above], axis=0)
-    column = np.linalg.norm(sheet.plane[above] - center, axis=1)
-    foot = np.linalg.norm(sheet.plane[sheet.inside] - center, axis=1)
+    center = np.median(patch.plane[above], axis=0)
+    column = np.linalg.norm(patch.plane[above] - center, axis=1)
+    foot = np.linalg.norm(patch.plane[patch.inside] - center, axis=1)
     longest = float(np.quantile(foot, 0.97))
-    if np.quantile(column, 0.9) > 0.08 * size or longest > LONGEST_ARM * size:
+    if np.quantile(column, 0.9) > 0.08 * size or longest > MAX_ARM_RADIUS * size:
         return False
-    return longest < LONGEST_PLATE * size or sheet.area(sheet.inside) < STAR_SHARE * np.pi * longest**2
+    return longest < MAX_PLATE_RADIUS * size or patch.area(patch.inside) < MAX_STAR_COVERAGE * np.pi * longest**2
 
 
 def _trimmed(plane: np.ndarray) -> np.ndarray:
-    """Without the outermost half percent: one stray point must not widen the outline."""
+    """Drop the outermost half percent: one outlier must not widen the outline."""
     if len(plane) < 400:
         return plane
     distance = np.linalg.norm(plane - plane.mean(axis=0), axis=1)

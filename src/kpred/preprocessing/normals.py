@@ -16,10 +16,10 @@ def estimate_normals(
     queries: Float[np.ndarray, "queries 3"] | None = None,
     neighbours: int = 12,
 ) -> tuple[Float[np.ndarray, "queries 3"], Float[np.ndarray, " queries"]]:
-    """Unit normals, without an orientation, at `queries` (default: at every point), in the points' own frame.
+    """Estimate unoriented unit normals (Q, 3) at `queries` (default: at every point), in the points' own frame.
 
     Returns:
-        The normals, and how planar each neighbourhood is, in [0, 1]: (middle - smallest) / largest variance; near 0 on
+        The normals, and how planar each neighbourhood is, in [0, 1]: (middle - least) / largest variance; near 0 on
         a line, at a corner or in noise. With fewer than four points: +z and 0.
     """
     queries = points if queries is None else queries
@@ -33,7 +33,7 @@ def estimate_normals(
 def neighbour_normals(
     points: Float[np.ndarray, "points 3"], index: Int[np.ndarray, "queries neighbours"]
 ) -> tuple[Float[np.ndarray, "queries 3"], Float[np.ndarray, " queries"]]:
-    """`estimate_normals` where the neighbours of each query are known already (three at least)."""
+    """Estimate normals as `estimate_normals` from given neighbours of each query, at least three."""
     normals, planarity = np.empty((len(index), 3)), np.empty(len(index))
     rows = np.ascontiguousarray(index, dtype=np.int64)
     _principal(np.ascontiguousarray(points, dtype=np.float64), rows, normals, planarity)
@@ -43,7 +43,7 @@ def neighbour_normals(
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _principal(points, index, normals, planarity):
-    """Axis of least variance of each neighbourhood, by Jacobi's rotations of its covariance."""
+    """Compute the axis of least variance of each neighbourhood, by Jacobi rotations of its covariance."""
     count = index.shape[1]
     tiny = np.finfo(np.float64).tiny
     matrix, axes, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
@@ -52,7 +52,7 @@ def _principal(points, index, normals, planarity):
         for j in range(count):
             for a in range(3):
                 middle[a] += points[index[row, j], a] / count
-        # Brought to the order of one, so that millimetres and kilometres lose no digits.
+        # Scaled to the order of one, so that millimetres and kilometres lose no digits.
         largest = tiny
         for j in range(count):
             for a in range(3):
@@ -103,9 +103,9 @@ def orient_normals(
     points: Float[np.ndarray, "points 3"],
     sensor: Float[np.ndarray, "3"] | None = None,
 ) -> Float[np.ndarray, "points 3"]:
-    """The normals turned to the sensor, or, where it is unknown, away from the middle of the cloud.
+    """Orient normals (N, 3) towards the sensor, or, without one, away from the middle of the cloud.
 
-    A visible surface always faces the sensor, so that the first is exact; the second holds for convex outsides only.
+    A visible surface faces the sensor, so the first is exact; the second holds for convex surfaces only.
     """
     if len(points) == 0:
         return normals

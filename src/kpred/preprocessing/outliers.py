@@ -1,4 +1,4 @@
-"""Points that belong to no surface: exact repeats, strays, and small islands far from everything else."""
+"""Outliers of a cloud: exact repeats, strays, and small islands far from everything else."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from kpred.ops.typing import Bool, Float, Int
 
 NEIGHBOURS = 8
 RANK = 5
-"""A point's reach is the distance to its neighbour of this rank: twice the spacing would shrink it by few percent."""
+"""A point's reach is the distance to its neighbour of this rank."""
 
 
 def duplicate_points(points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " points"]:
-    """True for each point with exactly the coordinates of an earlier one."""
+    """Return a mask (N,) of points with exactly the coordinates of an earlier point."""
     bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # adding 0.0 makes -0.0 equal to 0.0
     with np.errstate(over="ignore"):
         key = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
@@ -34,12 +34,12 @@ def duplicate_points(points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, 
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Nearest neighbours of each point of a cloud, and the spacing of points that follows from them.
+    """Nearest neighbours of each point of a cloud, and the local spacing.
 
     Attributes:
         distance, index: (N, K) of the K nearest others, nearest first.
         reach: (N,) distance to the neighbour of rank 5.
-        local: (N,) median reach of the neighbours: what spacing is usual there.
+        local: (N,) median reach of the neighbours: the local spacing.
     """
 
     distance: Float[np.ndarray, "points k"]
@@ -49,7 +49,7 @@ class Neighbourhood:
 
 
 def neighbourhood(points: Float[np.ndarray, "points 3"]) -> Neighbourhood:
-    """The neighbourhood of at least ten points."""
+    """Compute the neighbourhood of at least ten points (N, 3)."""
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     distance, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=numba.get_num_threads())
     reach = distance[:, min(RANK, distance.shape[1] - 1)]
@@ -59,13 +59,13 @@ def neighbourhood(points: Float[np.ndarray, "points 3"]) -> Neighbourhood:
 
 
 def stray_points(near: Neighbourhood, size: float, ratio: float) -> Bool[np.ndarray, " points"]:
-    """Points much farther from their neighbours than these are from theirs.
+    """Return a mask (N,) of points much farther from their neighbours than these are from theirs.
 
-    Compared with the neighbours and not with the whole cloud, so that thinly scanned surfaces stay. A point is also a
-    stray where there is next to nothing around it: nothing within a tenth of the scan's size.
+    Compared with the neighbours and not with the whole cloud, so that sparse surfaces stay. A point with nothing within
+    a tenth of the scan's size is also a stray.
 
     Args:
-        ratio: how many times the neighbours' reach is too far.
+        ratio: minimum reach of a stray, in multiples of the neighbours' reach.
     """
     usual = float(np.median(near.reach))
     against_neighbours = (near.reach > ratio * near.local) & (near.reach > 0.5 * ratio * usual)
@@ -81,11 +81,11 @@ def island_points(
     speck: float,
     island: float,
 ) -> Bool[np.ndarray, " points"]:
-    """Points, of those alive, of small components that are far from the large ones.
+    """Return a mask (N,) of small components, among points `alive`, far from the large ones.
 
-    Specks (a share of at most `speck` of all points) are removed if they are four spacings and 4 % of the size away
-    from anything larger. Islands (at most `island`) only if they also lie beside, above or far below the rest: what
-    hangs under a seat or a top is most likely a leg whose upper end was hidden.
+    Specks (a fraction of at most `speck` of all points) are removed if they are four spacings and 4 % of the size away
+    from anything larger. Islands (at most `island`) only if they also lie beside, above or far below the rest: a
+    component below a seat or a top is probably a leg whose upper end was hidden.
 
     Args:
         up: unit vector.
@@ -125,17 +125,17 @@ def island_points(
 def _away_from(
     centers: np.ndarray, points: np.ndarray, up: np.ndarray, size: float, margin: float = 0.05
 ) -> Bool[np.ndarray, " centers"]:
-    """Whether centres lie beside the points' footprint, above them, or far below."""
+    """Test whether centres lie beside the points' footprint, above them, or far below."""
     height, level = points @ up, centers @ up
     beside = outside_hull(plane_coordinates(centers, up), plane_coordinates(points, up)) > margin * size
     return beside | (level > height.max() + margin * size) | (level < height.min() - 0.4 * size)
 
 
 def plane_axes(normal: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
-    """Two unit vectors that are perpendicular to the normal and to one another."""
+    """Return two unit vectors (2, 3), perpendicular to the normal and to each other."""
     x, y, z = normal.tolist()
     least = int(np.abs(normal).argmin())
-    # Across the normal and the axis that it leans on least; written out, since numpy's cross product takes far longer.
+    # Cross product of the normal and its least aligned axis; written out, since numpy's takes far longer.
     first = np.array([(0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)][least])
     first /= np.sqrt(first @ first)
     a, b, c = first.tolist()
@@ -143,15 +143,15 @@ def plane_axes(normal: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
 
 
 def plane_coordinates(points: Float[np.ndarray, "points 3"], normal: Float[np.ndarray, "3"]) -> np.ndarray:
-    """(N, 2) coordinates along `plane_axes(normal)`."""
+    """Project points to coordinates (N, 2) along `plane_axes(normal)`."""
     coordinates: np.ndarray = points @ plane_axes(normal).T
     return coordinates
 
 
 def outside_hull(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How far (N, 2) queries lie outside of the convex hull of (M, 2) points; negative inside.
+    """Return distances (N,) of queries (N, 2) from the convex hull of points (M, 2); negative inside.
 
-    Near a corner it is the distance to the nearer edge's line, which is a little less than that to the hull.
+    Near a corner it is the distance to the nearer edge's line, slightly less than that to the hull.
     """
     try:
         hull = ConvexHull(points)

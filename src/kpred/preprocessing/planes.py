@@ -1,4 +1,4 @@
-"""Thin flat sheets at one end of a cloud: where they lie, how wide they are, which of their points are the object's."""
+"""Planar patches at one end of a cloud: plane, width, and the points that belong to the object."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from kpred.ops.typing import Bool, Float
 from kpred.preprocessing.outliers import outside_hull, plane_axes
 
-STEEPEST = 0.07
-"""A sheet may lean by this slope (four degrees) against the direction it was looked for in."""
+MAX_SLOPE = 0.07
+"""Maximum slope of a patch against the searched direction: four degrees."""
 
-NARROW = 0.11
-"""Strips up to this share of the size across are not wide: the arms of a swivel chair's star are."""
+MIN_WIDTH = 0.11
+"""Minimum width of a wide patch, as a fraction of the size: above the arms of a swivel chair's star."""
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """A thin flat layer of points at one end of a cloud.
+class PlanarPatch:
+    """A thin planar layer of points at one end of a cloud.
 
     Attributes:
-        normal: unit vector from the sheet to where the object is.
-        height: (N,) of every point above the sheet's middle plane, along the normal.
-        plane: (N, 2) coordinates of every point in the sheet's plane.
+        normal: unit vector from the patch towards the object.
+        height: (N,) of every point above the patch's middle plane, along the normal.
+        plane: (N, 2) coordinates of every point in the patch's plane.
         thickness: half of the layer's, three standard deviations of its noise.
         cell: edge of the squares in which its area is counted.
-        wide: (N,) points of the layer with the layer on all sides around them: no feet, bars or edges.
+        wide: (N,) mask of points with the layer on all sides around them: no feet, bars or edges.
     """
 
     normal: Float[np.ndarray, "3"]
@@ -40,33 +40,33 @@ class Sheet:
 
     @property
     def inside(self) -> Bool[np.ndarray, " points"]:
-        """(N,) points of the layer."""
+        """Mask (N,) of the layer's points."""
         return np.abs(self.height) <= self.thickness
 
     def area(self, mask: np.ndarray) -> float:
-        """Area that these points cover, in whole cells."""
+        """Measure the area that the masked points cover, in whole cells."""
         if not mask.any():
             return 0.0
         return len(np.unique(_cells(self.plane[mask], self.cell))) * self.cell**2
 
 
-def end_sheet(
+def find_end_patch(
     points: Float[np.ndarray, "points 3"],
     reach: Float[np.ndarray, " points"],
     inward: Float[np.ndarray, "3"],
     size: float,
     depth: float = 0.08,
     among: Bool[np.ndarray, " points"] | None = None,
-) -> Sheet | None:
-    """The sheet at the end of a cloud that `inward` (a unit vector) leads away from; None if there is none.
+) -> PlanarPatch | None:
+    """Find the planar patch at the end of a cloud opposite to `inward` (a unit vector), or None.
 
     The plane is fitted, so `inward` may be wrong by four degrees.
 
     Args:
         reach: each point's distance to its neighbours, see `Neighbourhood`.
         size: of the scan, in its units.
-        depth: share of the size, from the end, in which the sheet is looked for.
-        among: points that the sheet is looked for among; default all.
+        depth: fraction of the size, from the end, that is searched.
+        among: mask of the points that are searched; default all.
     """
     among = np.ones(len(points), dtype=bool) if among is None else among
     if among.sum() < 12:
@@ -98,7 +98,7 @@ def end_sheet(
         thickness = float(np.clip(3.0 * noise, 0.005 * size, 0.02 * size))
         member = among & (np.abs(above) <= thickness)
     slope = coefficients[1:] / size
-    if np.hypot(*slope) > STEEPEST or member.sum() < 12:
+    if np.hypot(*slope) > MAX_SLOPE or member.sum() < 12:
         return None
     normal = inward - slope @ plane_axes(inward)
     length = float(np.linalg.norm(normal))
@@ -106,42 +106,42 @@ def end_sheet(
     cell = max(1.2 * float(np.median(reach[member])), 0.015 * size)
     if cell > 0.06 * size:
         return None
-    wide = _wide(plane, member, cell, int(max(2, round((NARROW * size / cell - 1) / 2))))
+    wide = _wide(plane, member, cell, int(max(2, round((MIN_WIDTH * size / cell - 1) / 2))))
     if not wide.any():
         return None
-    return Sheet(normal / length, above / length, plane, thickness, cell, wide)
+    return PlanarPatch(normal / length, above / length, plane, thickness, cell, wide)
 
 
-def own_points(
-    sheet: Sheet, rest: Bool[np.ndarray, " points"], size: float, walled: float
+def object_points(
+    patch: PlanarPatch, rest: Bool[np.ndarray, " points"], size: float, min_coverage: float
 ) -> Bool[np.ndarray, " points"]:
-    """Points of the sheet that are the object's own: under its feet and walls, or its bottom board.
+    """Return a mask (N,) of the patch's points that belong to the object: below feet and walls, or a board.
 
-    A point is under something if there is something of the object close above it. The bottom board (or back board) of
-    a closed body is what lies inside of the outline of its walls, if walls stand along enough of that outline.
+    A point belongs to it if a point of the object lies close above. The bottom board (or back board) of a closed body
+    lies inside of the outline of its walls, if walls stand along enough of that outline.
 
     Args:
-        rest: (N,) points of the object.
-        walled: which share of the outline is enough.
+        rest: (N,) mask of the object's points.
+        min_coverage: minimum fraction of the outline with walls.
     """
-    inside = sheet.inside
-    # Not from the layer's very rim: its own noise would then stand everywhere on it.
-    foot = 1.6 * sheet.thickness
-    above = rest & (sheet.height > foot) & (sheet.height <= foot + 0.03 * size)
+    inside = patch.inside
+    # Starts above the layer's surface: its own noise would otherwise count as walls.
+    foot = 1.6 * patch.thickness
+    above = rest & (patch.height > foot) & (patch.height <= foot + 0.03 * size)
     result = np.zeros(len(inside), dtype=bool)
     if above.sum() < 3:
         return result
-    queries = sheet.plane[inside]
-    under = cKDTree(sheet.plane[above]).query(queries, distance_upper_bound=0.012 * size)[0] < np.inf
-    walls = sheet.plane[above & (sheet.height <= foot + 0.02 * size)]
-    if len(walls) >= 12 and walled_share(walls, 0.03 * size) >= walled:
+    queries = patch.plane[inside]
+    under = cKDTree(patch.plane[above]).query(queries, distance_upper_bound=0.012 * size)[0] < np.inf
+    walls = patch.plane[above & (patch.height <= foot + 0.02 * size)]
+    if len(walls) >= 12 and outline_coverage(walls, 0.03 * size) >= min_coverage:
         under |= outside_hull(queries, walls) < 0.0
     result[inside] = under
     return result
 
 
-def walled_share(stand: Float[np.ndarray, "points 2"], near: float) -> float:
-    """Share of the outline (convex hull) of 2-D points that has one of them nearby."""
+def outline_coverage(stand: Float[np.ndarray, "points 2"], near: float) -> float:
+    """Measure the fraction of the outline (convex hull) of points (N, 2) with a point nearby."""
     try:
         corners = stand[ConvexHull(stand).vertices]
     except (QhullError, ValueError):
@@ -164,7 +164,7 @@ def _cells(plane: np.ndarray, cell: float) -> np.ndarray:
 
 
 def _wide(plane: np.ndarray, member: np.ndarray, cell: float, around: int) -> Bool[np.ndarray, " points"]:
-    """Members in or beside cells that have members in most cells around, up to `around` cells away."""
+    """Return members in or beside cells with members in most cells around, up to `around` cells away."""
     index = np.floor((plane[member] - plane[member].min(axis=0)) / cell).astype(np.int64) + 1
     grid = np.zeros(index.max(axis=0) + 2, dtype=np.float32)
     grid[index[:, 0], index[:, 1]] = 1.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.ops.weighted_sums_cpu import add_wanted, ranked, robust_weights, weighted_products
-from kpred.ops.worksharing import share_out
+from kpred.ops.worksharing import parallel_for
 
 
 def columns_and_guess(
@@ -27,7 +27,7 @@ def columns_and_guess(
     count = -(-points.shape[1] // step)
     across = np.empty((len(points), basis.shape[2], count), np.float32)
     guess = np.empty((len(points), count, 3), np.float32)
-    share_out(
+    parallel_for(
         lambda first, last: _columns(points, basis, network, step, across, guess, first, last),
         len(points),
         3 * across.size,
@@ -86,7 +86,7 @@ def refine_compiled(
             rounds, stride, robust, prior, partial, error, first, last,
         )  # fmt: skip
 
-    share_out(some, len(guess), len(guess) * rounds * guess.shape[1] * goal.shape[1] // stride)
+    parallel_for(some, len(guess), len(guess) * rounds * guess.shape[1] * goal.shape[1] // stride)
     return error
 
 

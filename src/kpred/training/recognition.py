@@ -17,7 +17,7 @@ from torch.nn import functional
 from kpred.atomic import atomic_path
 from kpred.errors import ConfigError
 from kpred.nn.loading import load_recognizer, save_recognizer
-from kpred.nn.recognizer import MOST_TURN, Recognizer, RecognizerConfig
+from kpred.nn.recognizer import MAX_YAW_CORRECTION, Recognizer, RecognizerConfig
 from kpred.shapes.pack import MeshPack
 from kpred.training.augmentation import (
     box_of,
@@ -54,7 +54,7 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         taught = answer >= 0
         losses = {"answer": functional.cross_entropy(logits[taught], answer[taught])}
         if bool(teaches.any()):
-            error = (found[teaches] - turn[teaches]) / MOST_TURN
+            error = (found[teaches] - turn[teaches]) / MAX_YAW_CORRECTION
             losses["turn"] = self.config.turn_weight * error.abs().mean()
         return losses
 
@@ -73,7 +73,7 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         clouds = disturbed(clouds * factors, config.noise, config.outliers, generator)
         clouds = self._with_floor(clouds, generator)
         # `off` is how far the cloud is turned from facing +z; the turn that is missing is its opposite.
-        jitter = MOST_TURN * 0.8 * (2 * torch.rand(count, **options) - 1)
+        jitter = MAX_YAW_CORRECTION * 0.8 * (2 * torch.rand(count, **options) - 1)
         kind = torch.rand(count, **options)
         quarters = math.pi / 2 * torch.randint(1, 4, (count,), **options).float()
         anywhere = 2 * math.pi * torch.rand(count, **options)
@@ -88,7 +88,7 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         answer = torch.where(stands & (turn.abs() <= RIGHT), data.category[rows], len(data.categories))
         unsure = stands & (turn.abs() > RIGHT) & (turn.abs() < WRONG)
         answer = torch.where(unsure, -1, answer)
-        return clouds, answer, turn, stands & (turn.abs() < MOST_TURN * 0.9) & (period > 0)
+        return clouds, answer, turn, stands & (turn.abs() < MAX_YAW_CORRECTION * 0.9) & (period > 0)
 
     def _seen(self, rows: Tensor, generator: torch.Generator) -> Tensor:
         config, data = self.config, self.data

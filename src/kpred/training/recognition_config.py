@@ -21,7 +21,7 @@ class RecognitionConfig(SingleStageConfig):
         stretch: clouds are scaled per axis by up to this factor.
         noise, outliers: most jitter (unit box) and stray points (share) of a cloud.
         floor: share of clouds that stand on a piece of floor, of which cleaning may have left a part.
-        turn_weight: of the error of the turn, in units of `MOST_TURN`.
+        turn_weight: of the error of the turn, in units of `MAX_YAW_CORRECTION`.
     """
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=5000, batch=48))

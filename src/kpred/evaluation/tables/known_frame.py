@@ -17,7 +17,7 @@ from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
 from kpred.fitting.visibility import Visibility
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float
-from kpred.pose.recognition import Reading
+from kpred.pose.recognition import PoseHypothesis
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
 
 UNIT_BOX = Frame(center=np.zeros(3), scale=1.0)
@@ -47,7 +47,7 @@ class Delivered:
 def retrieve_for(cloud: Float[Tensor, "points 3"], context: Context, options: FitOptions) -> Tried:
     """Encode a target's points in the known frame, and retrieve models of the one category of the context."""
     scan = CleanScan(cloud.double().numpy(), len(cloud), "y", None, ())
-    return try_poses(scan, [Reading(np.eye(3), context.categories[0])], context, options)
+    return try_poses(scan, [PoseHypothesis(np.eye(3), context.categories[0])], context, options)
 
 
 def deliver(candidates: Candidates, visibility: Visibility, database: Database, options: FitOptions) -> Delivered:
