@@ -10,7 +10,7 @@ STAMP := $(VENV)/.kpred-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 TORCH := torch==2.13.0
 
-.PHONY: demo test lint format install clean
+.PHONY: demo test lint format install docs dist wheel-test clean
 .DELETE_ON_ERROR:
 
 demo: $(STAMP)
@@ -30,6 +30,22 @@ format: $(STAMP)
 	@$(BIN)/ruff format src tests
 
 install: $(STAMP)
+
+# The site, into build/site; a broken link is an error.
+docs: $(STAMP)
+	@test -x $(BIN)/mkdocs || $(PIP) install -c constraints.txt -e '.[docs]'
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# Source archive, and the wheel made of it, into dist/.
+dist: $(STAMP)
+	@$(BIN)/python -c 'import build' 2>/dev/null || $(PIP) install -c constraints.txt build
+	@rm -rf dist
+	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --outdir dist >build.log 2>&1 || { cat build.log >&2; exit 1; }
+	@rm -f build.log
+
+# The wheel as a user has it: an environment of its own, an empty folder, an empty home.
+wheel-test: dist
+	@scripts/test_wheel.sh $(BIN)/python '$(TORCH)'
 
 # torch goes first and alone: everything after it then finds the pinned build in place.
 $(STAMP): pyproject.toml constraints.txt

@@ -15,14 +15,14 @@ scan = Path(sys.argv[1]) if len(sys.argv) > 1 else kpred.sample_scan()
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)
 
-# The scan may lie anywhere, in any unit, turned about its up axis; only `up` must be known (y here, up="z" for many
-# scanners). The category and the yaw are found by trying; category="chair" saves the trying.
+# The scan may lie anywhere, in any unit, at any yaw. The up axis is found if it is not given (y here, up="z" for many
+# scanners), and so is the category; category="chair" gives it.
 fit = kpred.fit(scan, up="y")
 
 # The mesh is in the scan's own frame and units, so that it can be laid over the scan.
 fit.mesh.export(folder / "fitted.obj")
 
-print(f"scan       {scan}")
+print(f"scan       {scan.name}")
 print(f"retrieved  {fit.source.model_id} ({fit.category}), the best of {len(fit.candidates)} candidates")
 for metric in fit.metrics:
     print(f"{metric.name}  {metric.value:.4g} {metric.unit}, frame: {metric.frame}")

@@ -6,6 +6,7 @@ import contextlib
 import io
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
@@ -76,6 +77,15 @@ def test_every_command_and_option_exists(page: Path) -> None:
 def test_every_command_is_documented() -> None:
     documented = {_command(words) for page in CURRENT for words in _command_lines(page)}
     assert set(_leaves()) <= documented
+
+
+def test_architecture_shows_the_floors_that_the_linter_holds() -> None:
+    contracts = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    floors = next(contract["layers"] for contract in contracts if contract["name"] == "floors")
+    blocks = [block for _, block in _FENCE.findall((REPOSITORY / "docs" / "architecture.md").read_text())]
+    assert "\n".join(floors) + "\n" in blocks
+    packages = {folder.name for folder in (REPOSITORY / "src" / "kpred").iterdir() if (folder / "__init__.py").exists()}
+    assert packages <= set(re.findall(r"\w+", "\n".join(floors)))
 
 
 def test_checks_find_what_is_wrong(tmp_path: Path) -> None:

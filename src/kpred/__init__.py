@@ -11,14 +11,14 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from kpred._version import __version__
+
 if TYPE_CHECKING:
     from kpred.batch import fit_many
     from kpred.database import Database
     from kpred.fitting import Fit, fit, sample_scan
     from kpred.nn import load_model
     from kpred.shapes import read_mesh, read_scan, write_mesh
-
-__version__ = "0.1.0"
 
 # torch's OpenMP threads wait busily for milliseconds after each loop and keep compiled kernels of this package off the
 # processor. Read when torch is loaded; who has said how threads wait is not overruled.

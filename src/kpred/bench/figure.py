@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from kpred._version import __version__
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -90,8 +92,6 @@ def machine(threads: int) -> dict[str, Any]:
     """What the figures were measured on."""
     from importlib.metadata import version
 
-    import kpred
-
     facts: dict[str, Any] = {
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
@@ -99,7 +99,7 @@ def machine(threads: int) -> dict[str, Any]:
         "load_before": load(),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "kpred": kpred.__version__,
+        "kpred": __version__,
         **{name: version(name) for name in ("torch", "numpy", "numba", "SQLAlchemy")},
     }
     if hasattr(os, "sysconf"):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kpred import __version__
+from kpred._version import __version__
 from kpred.cli.output import Output, plain
 from kpred.errors import OutputError
 from kpred.fitting import Fit

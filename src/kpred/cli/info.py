@@ -83,7 +83,7 @@ class InfoCommand(Command):
 def _versions() -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, version
 
-    from kpred import __version__
+    from kpred._version import __version__
 
     found = {"kpred": __version__, "python": platform.python_version()}
     for name in ("torch", "numpy", "scipy", "trimesh", "SQLAlchemy", "pyvista"):

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
-from kpred import __version__
+from kpred._version import __version__
 from kpred.cli.usage import UsageError
 from kpred.errors import KpredError
 

@@ -112,7 +112,7 @@ class SceneCommand(Command):
         return out, out.with_suffix(".json"), annotation, out.with_name(f"{name}.csv"), out.with_suffix(".png")
 
     def _write(self, result: SceneFit) -> list[Path]:
-        from kpred import __version__
+        from kpred._version import __version__
         from kpred.atomic import write_together
         from kpred.cli.output import plain
         from kpred.rendering.scene_picture import save_scene_picture

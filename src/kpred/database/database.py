@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from sqlalchemy import Connection, func, select
 
-from kpred import __version__
+from kpred._version import __version__
 from kpred.database.address import is_address
 from kpred.database.backend import Backend, Progress, retry_on_disconnect
 from kpred.database.cache import BoundedCache, DatabaseCache

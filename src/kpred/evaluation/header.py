@@ -7,7 +7,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from kpred import __version__
+from kpred._version import __version__
 from kpred.nn import KPRed, Model
 
 
