@@ -1,0 +1,119 @@
+"""Every source file has a test of its own name (`src/kpred/x/y.py`: `tests/x/test_y.py`) or is listed here beside the
+tests that cover it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).resolve().parent
+SOURCE = TESTS.parent / "src" / "kpred"
+
+COVERED_BY = {
+    "_version.py": "cli/test_main.py",
+    "errors.py": "cli/test_bad_input.py",
+    "batch/*.py": "batch/test_batch.py",
+    "batch/ray_*.py": "batch/test_ray.py",
+    "bench/*.py": "cli/test_bench.py",
+    "cli/command.py": "cli/test_main.py",
+    "cli/data*.py": "cli/test_main.py",
+    "cli/database*.py": "cli/test_database_copy.py",
+    "cli/demo.py": "cli/test_main.py",
+    "cli/devices.py": "bench/test_device.py",
+    "cli/evaluate_*.py": "cli/test_evaluate_tables.py",
+    "cli/evaluate_peers.py": "peers/test_commands.py",
+    "cli/evaluate_scans.py": "cli/test_evaluate_command.py",
+    "cli/fit_files.py": "cli/test_overwrite.py",
+    "cli/fit_many.py": "batch/test_batch.py",
+    "cli/info.py": "cli/test_main.py",
+    "cli/plot.py": "evaluation/test_plots.py",
+    "cli/process*.py": "cli/test_main.py",
+    "cli/progress.py": "cli/test_output.py",
+    "cli/summary_table.py": "cli/test_evaluate_command.py",
+    "cli/table_options.py": "cli/test_evaluate_tables.py",
+    "cli/train*.py": "cli/test_main.py",
+    "cli/train_peer.py": "peers/test_commands.py",
+    "cli/usage.py": "cli/test_depth.py",
+    "database/*.py": "database/test_database.py",
+    "database/codes*.py": "database/test_token_table.py",
+    "database/encoders.py": "database/test_build.py",
+    "database/migrations/*.py": "database/test_postgres.py",
+    "database/point_faces.py": "database/test_update.py",
+    "database/postgres_schema.py": "database/test_postgres.py",
+    "database/sqlite.py": "database/test_faults.py",
+    "database/structure_arrays.py": "database/test_surface.py",
+    "database/token_file.py": "database/test_token_table.py",
+    "datasets/*.py": "datasets/test_datasets.py",
+    "datasets/infinigen/*.py": "datasets/test_infinigen.py",
+    "evaluation/*.py": "evaluation/tables/test_run.py",
+    "evaluation/methods/*.py": "peers/test_methods.py",
+    "evaluation/metrics/summary.py": "evaluation/scans/test_virtual_scans.py",
+    "evaluation/metrics/surfaces.py": "evaluation/tables/test_make_table.py",
+    "evaluation/plots/*.py": "evaluation/test_plots.py",
+    "evaluation/scans/*.py": "evaluation/scans/test_virtual_scans.py",
+    "evaluation/scans/catalogue_*.py": "evaluation/scans/test_catalogue.py",
+    "evaluation/scans/scenes.py": "evaluation/scans/test_real_crops.py",
+    "evaluation/tables/*.py": "evaluation/tables/test_make_table.py",
+    "fitting/*.py": "fitting/test_pipeline.py",
+    "fitting/warnings.py": "fitting/test_confidence.py",
+    "nn/*.py": "nn/test_model.py",
+    "ops/*_cpu.py": "ops/test_nearest_blocks.py",
+    "ops/rotations.py": "pose/test_estimators.py",
+    "ops/typing.py": "test_light_imports.py",
+    "peers/methods/*.py": "peers/test_commands.py",
+    "peers/networks/*.py": "peers/test_networks.py",
+    "peers/training/*.py": "peers/test_training.py",
+    "pose/*.py": "pose/test_estimators.py",
+    "preprocessing/*.py": "preprocessing/test_clean.py",
+    "refinement/*.py": "refinement/test_structure_reference.py",
+    "refinement/*config.py": "refinement/test_bad_input.py",
+    "refinement/freedom.py": "refinement/test_structure_map.py",
+    "refinement/placement_cpu.py": "refinement/test_placement.py",
+    "rendering/*.py": "rendering/test_picture.py",
+    "scenes/*.py": "scenes/test_scene.py",
+    "shapes/*.py": "shapes/test_hostile.py",
+    "shapes/formats/*.py": "shapes/test_mesh_variants.py",
+    "shapes/formats/scan_*.py": "shapes/test_scan_variants.py",
+    "shapes/structure/*.py": "shapes/structure/test_cleanliness.py",
+    "synthetic/*.py": "synthetic/test_generator.py",
+    "synthetic/*/*.py": "synthetic/test_families.py",
+    "synthetic/coarse/*.py": "synthetic/test_coarse.py",
+    "synthetic/others/*.py": "synthetic/test_others.py",
+    "training/ablation_weights.py": "training/test_ablations.py",
+    "training/config.py": "training/test_run.py",
+    "training/recognition_*.py": "training/test_recognition.py",
+    "training/single_stage.py": "training/test_stages.py",
+    "training/visibility_*.py": "training/test_visibility.py",
+}
+"""Pattern of source files without a test of their name -> the test that covers them; a later line stands over an
+earlier one."""
+
+
+def _without_own_test() -> Iterator[str]:
+    for file in sorted(SOURCE.rglob("*.py")):
+        name = file.relative_to(SOURCE)
+        if not name.stem.startswith("__") and not (TESTS / name.parent / f"test_{name.stem}.py").exists():
+            yield str(name)
+
+
+def _covering(name: str) -> str | None:
+    """The test of the last pattern in the same folder that matches."""
+    found = [test for pattern, test in COVERED_BY.items() if _matches(name, pattern)]
+    return found[-1] if found else None
+
+
+def _matches(name: str, pattern: str) -> bool:
+    return name.count("/") >= pattern.count("/") and fnmatch(name, pattern)
+
+
+def test_every_source_file_is_covered() -> None:
+    assert [name for name in _without_own_test() if _covering(name) is None] == []
+
+
+@pytest.mark.parametrize("pattern", COVERED_BY)
+def test_every_entry_is_needed_and_names_a_test(pattern: str) -> None:
+    assert (TESTS / COVERED_BY[pattern]).is_file()
+    assert any(_covering(name) == COVERED_BY[pattern] for name in _without_own_test() if _matches(name, pattern))
