@@ -11,7 +11,7 @@ from safetensors.torch import save_file
 from kpred.errors import ModelError, OutputError
 from kpred.nn import KPRed, Model, load_model, load_network, save_network
 from kpred.nn.config import preset
-from kpred.nn.loading import CONFIG_FILE, WEIGHTS_FILE
+from kpred.nn.weights import CONFIG_FILE, WEIGHTS_FILE
 
 
 @pytest.fixture
@@ -143,6 +143,28 @@ def test_places_without_a_model(tmp_path: Path) -> None:
         load_model(tmp_path / "file")
 
 
+def test_only_an_address_of_the_hub_reaches_the_hub(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, saved) -> None:
+    import huggingface_hub
+
+    asked: list[tuple[str, str]] = []
+
+    def fetch(repository: str, revision: str, **_options: object) -> str:
+        asked.append((repository, revision))
+        return str(saved[1])
+
+    monkeypatch.setattr(huggingface_hub, "snapshot_download", fetch)
+    monkeypatch.chdir(tmp_path)
+    for mistyped in ("runs/chiar", "someone/weights", "someone/weights@main", "hf:/someone/weights@main"):
+        with pytest.raises(ModelError, match=f"no model folder {mistyped}"):
+            load_model(mistyped)
+    for unfinished in ("hf://someone/weights", "hf://weights@main", "hf://a/b@", "hf://a/b/c@main"):
+        with pytest.raises(ModelError, match="hf://owner/name@revision"):
+            load_model(unfinished)
+    assert asked == []
+    assert load_model("hf://someone/weights@v1.0").categories == ("table",)
+    assert asked == [("someone/weights", "v1.0")]
+
+
 def test_the_hub_out_of_reach_is_a_model_error(monkeypatch: pytest.MonkeyPatch) -> None:
     import huggingface_hub
 
@@ -150,8 +172,54 @@ def test_the_hub_out_of_reach_is_a_model_error(monkeypatch: pytest.MonkeyPatch) 
         raise ConnectionError("no route")
 
     monkeypatch.setattr(huggingface_hub, "snapshot_download", refuse)
-    with pytest.raises(ModelError, match="someone/weights.*Hub"):
-        load_model("someone/weights")
+    with pytest.raises(ModelError, match="someone/weights@main.*Hub"):
+        load_model("hf://someone/weights@main")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_refused_by_name(saved, value: float) -> None:
+    network, folder = saved
+    network.keypoint_predictor.wide.weight.data[3, 4] = value
+    save_network(network, folder)
+    with pytest.raises(ModelError, match="keypoint_predictor.wide.weight.*not finite") as caught:
+        load_network(folder)
+    assert str(folder / WEIGHTS_FILE) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        {"width": 2_000_000, "heads": 1},
+        {"keypoints": 10**12},
+        {"token_size": 10**9},
+        {"stages": 10**9},
+        {"partial_blocks": 10**7},
+        {"cage_subdivisions": 40},
+        {"region_points": 10**9},
+    ],
+    ids=str,
+)
+def test_sizes_that_the_weights_do_not_have_are_refused_before_memory_is_taken(
+    saved, sizes: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = saved[1]
+    config = json.loads((folder / CONFIG_FILE).read_text())
+    (folder / CONFIG_FILE).write_text(json.dumps({**config, **sizes}))
+    built: list[str] = []
+    monkeypatch.setattr(KPRed, "__init__", lambda *_: built.append("built"))
+    with pytest.raises(ModelError, match=str(folder)):
+        load_network(folder)
+    assert built == []
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o077, 0o600), (0o022, 0o644), (0o002, 0o664)])
+def test_weights_have_the_mode_that_the_umask_asks_for(small, tmp_path: Path, mask: int, mode: int) -> None:
+    before = os.umask(mask)
+    try:
+        save_network(small(), tmp_path / "weights")
+    finally:
+        os.umask(before)
+    assert {file.stat().st_mode & 0o777 for file in (tmp_path / "weights").iterdir()} == {mode}
 
 
 def test_a_failed_write_leaves_the_old_weights(saved, small, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +228,7 @@ def test_a_failed_write_leaves_the_old_weights(saved, small, monkeypatch: pytest
     def full(*_args: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("kpred.nn.loading.save_file", full)
+    monkeypatch.setattr("kpred.nn.weights.save_file", full)
     with pytest.raises(OutputError, match="No space left on device"):
         save_network(small(category="table", seed=5), folder)
     assert load_network(folder).fingerprint() == network.fingerprint()

@@ -1,5 +1,6 @@
 """The result over the photograph: in the right place, half transparent, nowhere else."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import trimesh
 from PIL import Image
 
 from kpred.errors import ConfigError, OutputError, ScanError
-from kpred.rendering.overlay import draw_overlay, save_overlay
+from kpred.rendering.overlay import draw_overlay, read_photograph, save_overlay
 from kpred.rendering.picture import PictureWarning
 from kpred.shapes.camera import Camera
 from kpred.shapes.render import render_faces
@@ -92,3 +93,18 @@ def test_what_cannot_be_drawn_is_said(photograph: np.ndarray, tmp_path: Path) ->
         assert name in str(caught.value)
     with pytest.raises(OutputError, match=r"\.png"):
         save_overlay(mesh.vertices, mesh.faces, CAMERA, tmp_path / "photo.png", tmp_path / "over.jpg")
+
+
+def test_a_pipe_and_a_folder_are_no_photographs(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.png")
+    for place, word in ((tmp_path / "pipe.png", "pipe"), (tmp_path, "folder")):
+        with pytest.raises(ScanError, match=word):
+            read_photograph(place)
+
+
+def test_too_many_pixels_are_refused_before_they_are_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Image.new("1", (9000, 8000)).save(tmp_path / "large.png")
+    assert (tmp_path / "large.png").stat().st_size < 20_000
+    monkeypatch.setattr(Image.Image, "convert", lambda *_: pytest.fail("decoded"))
+    with pytest.raises(ScanError, match="9000 x 8000 pixels"):
+        read_photograph(tmp_path / "large.png")

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from kpred.database import Database, Entry
+from kpred.errors import DatabaseError
 from kpred.fitting.deform import Deformed, Explanation, ModelPoints
 from kpred.ops.closest_point import closest_points
 from kpred.ops.frames import Frame
@@ -76,13 +77,18 @@ def place(deformed: Deformed, order: Sequence[int], frame: Frame, database: Data
         known: the scan lies in its unit box, which has no unit to compare a model's own size in.
 
     Raises:
-        DatabaseError: it is no longer in the database.
+        DatabaseError: it is no longer in the database, or its mesh is not finite once deformed.
     """
     row = order[0]
     entry = database.entry(deformed.candidates.model_ids[row])
     found = deformed.explanations[row]
     explanation = found if known else in_own_size(found, entry, frame)
     moved, keypoints = place_points(explanation, entry, frame)
+    if not np.isfinite(moved).all():
+        raise DatabaseError(
+            f"Database {database.path}: the model {entry.model_id} is damaged (its deformed mesh is not finite); add it "
+            "again."
+        )
     mesh = trimesh.Trimesh(moved, entry.mesh.faces.copy(), process=False)
     model = place_model(explanation.placement, entry, frame, known)
     vertices = np.asarray(entry.mesh.vertices, dtype=np.float64)

@@ -132,7 +132,7 @@ def clean(points: np.ndarray, up: str, options: FitOptions) -> CleanScan:
     if not wanted:
         return CleanScan(points[:SCAN_POINTS], len(points), up, options.floor, ())
     settings = options.clean if isinstance(options.clean, CleanConfig) else CleanConfig()
-    cleaned = clean_scan(points, up, settings, seed=options.seed)
+    cleaned = clean_scan(points, up, settings, seed=options.seed, floor=options.floor)
     floor = cleaned.floor_height if options.floor is None else options.floor
     return CleanScan(cleaned.points[:SCAN_POINTS], len(points), up, floor, cleaned.steps)
 

@@ -73,7 +73,6 @@ def save_calibration(calibration: Calibration, folder: str | os.PathLike[str]) -
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             made = Path(scratch) / CALIBRATION_FILE
             made.write_text(json.dumps(asdict(calibration), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-            os.chmod(made, 0o644)
             os.replace(made, target)
     except OSError as error:
         raise OutputError(

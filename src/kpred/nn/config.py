@@ -8,6 +8,9 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from kpred.errors import ConfigError
 
+MAX_SUBDIVISIONS = 5
+"""Of the cage's icosahedron: 10,242 vertices."""
+
 
 @dataclass(frozen=True)
 class ModelConfig:
@@ -66,6 +69,10 @@ class ModelConfig:
         for name in ("partial_blocks", "box_blocks"):
             if getattr(self, name) < 0:
                 raise ConfigError(f"Model setting {name} must not be negative, but is {getattr(self, name)}.")
+        if not 0 <= self.cage_subdivisions <= MAX_SUBDIVISIONS:
+            raise ConfigError(
+                f"Model setting cage_subdivisions must lie in 0 to {MAX_SUBDIVISIONS}, but is {self.cage_subdivisions}."
+            )
         if self.width % self.heads:
             raise ConfigError(f"Model setting width ({self.width}) must be a multiple of heads ({self.heads}).")
         if not 0 < self.radius <= 2:

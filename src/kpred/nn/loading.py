@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import os
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
-from torch import nn
 
-from kpred.errors import ConfigError, ModelError, OutputError
+from kpred.errors import ModelError
 from kpred.nn.calibration import Calibration, load_calibration
 from kpred.nn.config import ModelConfig
+from kpred.nn.hub import fetch_from_hub, is_hub_address
 from kpred.nn.model import KPRed
 from kpred.nn.recognizer import Recognizer, RecognizerConfig
 from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
+from kpred.nn.weights import CONFIG_FILE, WEIGHTS_FILE, load_weights, save_weights
 
-Network = TypeVar("Network", bound=nn.Module)
-
-CONFIG_FILE = "config.json"
 RECOGNIZER = "recognizer"
 """Folder of the recognizer beside the categories' folders."""
 
@@ -34,8 +27,6 @@ SECOND = "second"
 
 VISIBILITY = "visibility"
 """Folder of the visibility network beside the categories' folders."""
-
-WEIGHTS_FILE = "model.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +94,10 @@ def bundled_model_path(name: str = "bundled") -> Path:
 
 
 def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
-    """Load weights: None or a name in `BUNDLED` for those of the package, else a folder, else a repository on the Hub.
+    """Load weights: None or a name in `BUNDLED` for those of the package, else a folder or `hf://owner/name@revision`.
 
     A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there are
-    any, `recognizer`, `visibility` and calibration.json.
+    any, `recognizer`, `visibility` and calibration.json. Only such an address is looked up on the Hugging Face Hub.
 
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
@@ -120,8 +111,13 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
         folder, name = Path(name_or_path), str(name_or_path)
         if folder.is_file():
             raise ModelError(f"{folder} is a file; give the folder that holds {CONFIG_FILE} and {WEIGHTS_FILE}.")
-        if not folder.is_dir():
-            folder = _from_hub(name)
+        if is_hub_address(name):
+            folder = fetch_from_hub(name)
+        elif not folder.is_dir():
+            raise ModelError(
+                f"There is no model folder {name}; give a folder of trained weights, hf://owner/name@revision, or leave "
+                "it out for the bundled ones."
+            )
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)
         return Model(name, {network.config.category: network}, calibration=load_calibration(folder))
@@ -175,38 +171,6 @@ def load_visibility(folder: str | os.PathLike[str], device: torch.device | str =
     return load_weights(Path(folder), lambda values: VisibilityNetwork(VisibilityConfig.from_dict(values)), device)
 
 
-def load_weights(folder: Path, build: Callable[[dict[str, Any]], Network], device: torch.device | str) -> Network:
-    """Any network from its folder: `build` makes it from the values of config.json.
-
-    Raises:
-        ModelError: if a file is missing, truncated or does not fit the other.
-    """
-    try:
-        values = json.loads((folder / CONFIG_FILE).read_text())
-        if not isinstance(values, dict):
-            raise ConfigError("this is not a kpred model config; train or copy it again.")
-        network = build(values)
-        weights = load_file(folder / WEIGHTS_FILE, device=str(device))
-    except FileNotFoundError as error:
-        raise ModelError(
-            f"{error.filename or folder / WEIGHTS_FILE} is missing; give a folder of trained weights."
-        ) from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ModelError(
-            f"{folder / CONFIG_FILE} is not a kpred model config ({error}); train or copy it again."
-        ) from error
-    except (SafetensorError, OSError) as error:
-        raise ModelError(f"{folder / WEIGHTS_FILE} is truncated or no safetensors file; copy it again.") from error
-    except ConfigError as error:
-        raise ModelError(f"{folder / CONFIG_FILE}: {error}") from error
-    try:
-        network.load_state_dict({key: value.float() for key, value in weights.items()})
-    except RuntimeError as error:
-        raise ModelError(f"The weights in {folder} do not fit their {CONFIG_FILE}; copy both files again.") from error
-    network.to(device).eval().requires_grad_(False)
-    return network
-
-
 def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = True) -> None:
     """Write config.json and model.safetensors (half precision unless told otherwise), each file atomically.
 
@@ -232,43 +196,3 @@ def save_visibility(network: VisibilityNetwork, folder: str | os.PathLike[str]) 
         OutputError: if the folder cannot be written.
     """
     save_weights(network, network.config.to_dict(), Path(folder), torch.float16)
-
-
-def save_weights(
-    network: nn.Module, config: dict[str, Any], folder: Path, dtype: torch.dtype, leave_out: str | None = None
-) -> None:
-    """Any network and its config into a folder, each file atomically, but for parts whose name begins so.
-
-    Raises:
-        OutputError: if the folder cannot be written.
-    """
-    state = {key: value for key, value in network.state_dict().items() if not (leave_out and key.startswith(leave_out))}
-    tensors = {key: value.detach().cpu().to(dtype).contiguous() for key, value in state.items()}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            save_file(tensors, Path(scratch) / WEIGHTS_FILE)
-            (Path(scratch) / CONFIG_FILE).write_text(json.dumps(config, indent=2) + "\n")
-            for name in (WEIGHTS_FILE, CONFIG_FILE):
-                os.chmod(Path(scratch) / name, 0o644)
-                os.replace(Path(scratch) / name, folder / name)
-    except OSError as error:
-        raise OutputError(
-            f"The weights cannot be written to {folder} ({error.strerror}); free space or choose another folder."
-        ) from error
-
-
-def _from_hub(name: str) -> Path:
-    looks_like_repository = name.count("/") == 1 and not name.startswith((".", "/", "~"))
-    if not looks_like_repository:
-        raise ModelError(
-            f"There is no model folder {name}; give a folder of trained weights, or leave it out for the bundled ones."
-        )
-    try:
-        from huggingface_hub import snapshot_download
-
-        return Path(snapshot_download(name, allow_patterns=["*.json", "*.safetensors"]))
-    except Exception as error:  # the hub's own errors have no common base
-        raise ModelError(
-            f"There is no model folder {name}, and it could not be fetched from the Hugging Face Hub."
-        ) from error

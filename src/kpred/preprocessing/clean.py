@@ -11,7 +11,8 @@ from kpred.ops.rotations import UP_AXES
 from kpred.ops.typing import Bool, Float
 from kpred.preprocessing.config import MIN_POINTS, CleanConfig
 from kpred.preprocessing.downsample import poisson_disc, voxel_representatives
-from kpred.preprocessing.floor_and_wall import detect_floor, detect_wall, wall_directions
+from kpred.preprocessing.floor_and_wall import RoomSurface, detect_floor, detect_wall, wall_directions
+from kpred.preprocessing.floor_in_box import detect_floor_in_box
 from kpred.preprocessing.normals import estimate_normals, orient_normals
 from kpred.preprocessing.outliers import Neighbourhood, duplicate_points, island_points, neighbourhood, stray_points
 from kpred.preprocessing.planes import find_end_patch
@@ -56,6 +57,7 @@ def clean_scan(
     config: CleanConfig = CleanConfig(),  # noqa: B008 - frozen
     sensor: Float[np.ndarray, "3"] | None = None,
     seed: int = 0,
+    floor: float | None = None,
 ) -> CleanedScan:
     """Clean the scan (N, 3) of one object: remove everything else and even out the density.
 
@@ -65,6 +67,7 @@ def clean_scan(
         config: the steps.
         sensor: position of the scanner, in the scan's frame; orients the normals.
         seed: of the downsampling.
+        floor: height of the floor along the up axis, scan's frame and unit, where it is known.
 
     Raises:
         ConfigError: if `up` is no axis name.
@@ -74,7 +77,7 @@ def clean_scan(
         raise ConfigError(f"The up axis must be one of {', '.join(UP_AXES)}, but is '{up}'.")
     if not np.isfinite(points).all():
         raise ScanError("The scan has coordinates that are NaN or infinite; remove those points first.")
-    cleaning = _Cleaning(points, np.array(UP_AXES[up], dtype=np.float64), config)
+    cleaning = _Cleaning(points, np.array(UP_AXES[up], dtype=np.float64), config, floor)
     if config.duplicates:
         cleaning.remove_duplicates()
     if config.outliers or config.floor or config.wall:
@@ -97,8 +100,8 @@ def clean_scan(
 class _Cleaning:
     """State of one cleaning: mask of remaining points, and reports."""
 
-    def __init__(self, points: np.ndarray, up: np.ndarray, config: CleanConfig) -> None:
-        self.points, self.up, self.config = points, up, config
+    def __init__(self, points: np.ndarray, up: np.ndarray, config: CleanConfig, floor: float | None) -> None:
+        self.points, self.up, self.config, self.floor = points, up, config, floor
         self.kept = np.ones(len(points), dtype=bool)
         self.steps: list[CleaningStep] = []
         self.floor_height: float | None = None
@@ -168,7 +171,11 @@ class _Cleaning:
         wall = detect_wall(left, reach, self.up, size, config.wall_beyond, directions, standing)
         behind = None if wall is None else wall.patch.height <= 1.5 * wall.patch.thickness
         floor = detect_floor(left, reach, self.up, size, config.floor_beyond, behind, bottom)
-        for name, surface, beyond in (("floor", floor, "times its footprint"), ("wall", wall, "of the scan's size")):
+        if floor is None and bottom is not None:
+            level = self._height_of(bottom.height, left, middle, scale)
+            known = None if self.floor is None else (level - self.floor) / scale
+            floor = detect_floor_in_box(bottom, self.up, size, known)
+        for name, surface in (("floor", floor), ("wall", wall)):
             if not getattr(config, name):
                 continue
             if surface is None:
@@ -176,10 +183,7 @@ class _Cleaning:
                 continue
             gone = np.zeros(len(working), dtype=bool)
             gone[chosen[surface.points]] = True
-            done = self._remove(
-                name, self._scan_mask(gone, rows, cell), f"reached beyond the object by {surface.beyond:.2f} {beyond}"
-            )
-            if done:
+            if self._remove(name, self._scan_mask(gone, rows, cell), _reason(name, surface)):
                 alive = alive & ~gone
             if name == "floor":
                 self.floor_height = self._height_of(surface.patch.height, left, middle, scale)
@@ -225,6 +229,13 @@ class _Cleaning:
         self.kept &= ~gone
         self.steps.append(CleaningStep(name, removed, detail if removed else "nothing to remove"))
         return True
+
+
+def _reason(name: str, surface: RoomSurface) -> str:
+    if not surface.beyond:
+        return f"a bare {name} as wide as the object"
+    beyond = "times its footprint" if name == "floor" else "of the scan's size"
+    return f"reached beyond the object by {surface.beyond:.2f} {beyond}"
 
 
 def _size(points: np.ndarray) -> float:

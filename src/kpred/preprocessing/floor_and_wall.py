@@ -76,7 +76,7 @@ def detect_floor(
     beyond = patch.area(out) / max(footprint, patch.cell**2)
     if beyond < min_beyond or out.sum() < 0.08 * patch.wide.sum():
         return None
-    if _is_foot(patch, rest, size):
+    if is_foot(patch, rest, size):
         return None
     own = object_points(patch, rest, size, MIN_FLOOR_COVERAGE)
     removed = (patch.inside | (patch.height < -patch.thickness)) & ~own
@@ -169,7 +169,7 @@ def wall_directions(
     return directions
 
 
-def _is_foot(patch: PlanarPatch, rest: np.ndarray, size: float) -> bool:
+def is_foot(patch: PlanarPatch, rest: np.ndarray, size: float) -> bool:
     """Test whether the patch is the plate, ring or star under a single column, as of a swivel chair."""
     above = rest & (patch.height > 0.09 * size) & (patch.height <= 0.2 * size)
     if above.sum() < 3:

@@ -16,11 +16,15 @@ from kpred.atomic import atomic_path
 from kpred.errors import OutputError, ScanError
 from kpred.rendering.picture import PictureWarning
 from kpred.shapes.camera import Camera
+from kpred.shapes.reading import check_file
 from kpred.shapes.render import render_faces
 
 COLOR = (0.33, 0.62, 0.95)
 OPACITY = 0.6
 OUTLINE = (0.04, 0.13, 0.30)
+
+MAX_PIXELS = 1 << 26
+"""Of a photograph: 67 million, more than cameras in telephones take."""
 
 _SAMPLES = 2
 """Samples a pixel in each direction, against jagged edges."""
@@ -106,14 +110,15 @@ def read_photograph(path: str | os.PathLike[str]) -> np.ndarray:
     """(height, width, 3) uint8 of a picture file (.png, .jpg, ...), its pixels as they were taken.
 
     Raises:
-        ScanError: missing, unreadable or no picture.
+        ScanError: missing, unreadable, no picture, or too large.
     """
     file = Path(path)
+    check_file(file, ScanError, "photograph")
     try:
         with Image.open(file) as picture:
+            if picture.width * picture.height > MAX_PIXELS:
+                raise ScanError(f"{file}: {picture.width} x {picture.height} pixels are too many; give a smaller copy.")
             return np.asarray(picture.convert("RGB"))
-    except FileNotFoundError as error:
-        raise ScanError(f"{file}: there is no such file; check the path of the photograph.") from error
     except UnidentifiedImageError as error:
         raise ScanError(f"{file}: it is not a picture; give a .png or .jpg photograph.") from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:

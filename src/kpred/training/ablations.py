@@ -19,7 +19,7 @@ import torch
 from kpred.atomic import atomic_path
 from kpred.errors import CheckpointError, ConfigError, OutputError
 from kpred.nn import STAGES, KPRed, ModelConfig, save_network
-from kpred.nn.loading import WEIGHTS_FILE
+from kpred.nn.weights import WEIGHTS_FILE
 from kpred.shapes.pack import MeshPack
 from kpred.training.ablation_weights import RunParts, load_parts
 from kpred.training.checkpoint import Checkpoint

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from kpred.errors import ConfigError, ModelError
-from kpred.nn.loading import CONFIG_FILE, load_weights, save_weights
+from kpred.nn.weights import CONFIG_FILE, load_weights, save_weights
 from kpred.peers.networks.keypoint_deformer import KeypointDeformer, KeypointDeformerConfig
 from kpred.peers.networks.neural_cages import NeuralCages, NeuralCagesConfig
 from kpred.peers.networks.shapeflow import ShapeFlow, ShapeFlowConfig
