@@ -163,7 +163,8 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
     from kpred.errors import KpredError
     from kpred.fitting.defaults import as_model
     from kpred.fitting.encoding import EncodedAhead
-    from kpred.fitting.stages import SCAN_POINTS, read_points
+    from kpred.fitting.raw_scan import read_points
+    from kpred.fitting.stages import SCAN_POINTS
     from kpred.shapes.scan import read_scan
 
     groups: dict[tuple[str, int], dict[str, tuple[np.ndarray, np.ndarray]]] = {}

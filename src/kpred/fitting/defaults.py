@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import os
-from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from threading import Lock
+from weakref import WeakKeyDictionary, WeakSet
 
 from kpred.database import Database
+from kpred.database.address import is_address
 from kpred.errors import DatabaseError, ScanError
+from kpred.fitting.file_cache import FileCache, file_identity, folder_state
 from kpred.nn import Model, load_model
+from kpred.nn.loading import is_folder_name
+
+LOADED = 4
+"""Models, and databases, that are kept in memory for the next fit."""
+
+_models: FileCache[Model] = FileCache(LOADED)
+_databases: FileCache[Database] = FileCache(LOADED)
+
+_checked: WeakKeyDictionary[Model, WeakSet[Database]] = WeakKeyDictionary()
+"""Databases that were found to be made by a model's weights; neither is kept alive by this."""
+
+_checking = Lock()
 
 
 def bundled_database_path() -> Path:
@@ -30,17 +45,34 @@ def sample_scan() -> Path:
 
 
 def as_model(model: Model | str | os.PathLike[str] | None) -> Model:
-    """The model itself, or the one of this name or folder (None: bundled), loaded once a process."""
+    """Resolve a model: itself, or that of a name or folder (None: bundled), loaded again only when its files change.
+
+    Raises:
+        ModelError: it is missing or damaged.
+    """
     if isinstance(model, Model):
         return model
-    return _loaded_model(None if model is None else str(model))
+    name = None if model is None else str(model)
+    if name is None or not is_folder_name(name):
+        return _models.get(name, None, lambda: load_model(name))
+    folder = Path(os.path.abspath(name))
+    return _models.get((name, folder), folder_state(folder), lambda: load_model(name))
 
 
 def as_database(database: Database | str | os.PathLike[str] | None) -> Database:
-    """The database itself, or the one at this path (None: bundled), opened once a process."""
+    """Resolve a database: itself, or that at a path (None: bundled), opened again when another file is there.
+
+    Raises:
+        DatabaseError: it is missing or damaged.
+    """
     if isinstance(database, Database):
         return database
-    return _opened(None if database is None else str(database))
+    if database is None:
+        return _databases.get(None, None, _open_bundled)
+    if is_address(database):
+        return _databases.get(str(database), None, lambda: Database.open(database))
+    file = Path(os.path.abspath(database))
+    return _databases.get(file, file_identity(file), lambda: Database.open(database))
 
 
 def shared_categories(model: Model, database: Database, category: str | None) -> list[str]:
@@ -61,22 +93,18 @@ def shared_categories(model: Model, database: Database, category: str | None) ->
     return shared
 
 
-@lru_cache(maxsize=4)
-def _loaded_model(name: str | None) -> Model:
-    return load_model(name)
-
-
-@lru_cache(maxsize=4)
-def _opened(path: str | None) -> Database:
-    if path is not None:
-        return Database.open(path)
+def _open_bundled() -> Database:
     bundled = bundled_database_path()
     if not bundled.is_file():
         raise DatabaseError(f"The bundled database {bundled} is missing; reinstall kpred or give a database.")
     return Database.open(bundled, read_only=True)
 
 
-@lru_cache(maxsize=64)
 def _check(model: Model, database: Database) -> None:
     # Hashing all weights takes longer than a fit: once for each pair.
+    with _checking:
+        if database in _checked.get(model, ()):
+            return
     database.check_model(model)
+    with _checking:
+        _checked.setdefault(model, WeakSet()).add(database)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -80,9 +80,14 @@ class EncodedAhead(KPRed):
         return _fingerprint(self._own)
 
 
-@lru_cache(maxsize=8)
+_fingerprints: WeakKeyDictionary[KPRed, str] = WeakKeyDictionary()
+
+
 def _fingerprint(network: KPRed) -> str:
-    return network.fingerprint()
+    found = _fingerprints.get(network)
+    if found is None:
+        found = _fingerprints[network] = network.fingerprint()
+    return found
 
 
 def _content(cloud: Tensor) -> bytes:

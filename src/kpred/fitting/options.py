@@ -52,6 +52,13 @@ class FitOptions:
         """Whether the scan lies in its whole object's unit box."""
         return self.frame == "known"
 
+    @property
+    def clean_config(self) -> CleanConfig | None:
+        """How the scan is cleaned; None if it is not: a known frame is cleaned only with settings."""
+        if isinstance(self.clean, CleanConfig):
+            return self.clean
+        return CleanConfig() if self.clean and not self.known else None
+
 
 def sensor_positions(sensor: np.ndarray | None) -> np.ndarray | None:
     """List positions (S, 3) where the scanner stood, of one or several; None where they are not known.

@@ -16,9 +16,10 @@ from kpred.fitting.assessment import assess
 from kpred.fitting.deform import Deform, deform_candidates
 from kpred.fitting.options import FitOptions, sensor_positions
 from kpred.fitting.placed import place
+from kpred.fitting.raw_scan import read_raw_scan
 from kpred.fitting.result import Fit, build_fit
 from kpred.fitting.selection import rank_candidates
-from kpred.fitting.stages import Context, align, find_up, propose_poses, read_points, try_poses
+from kpred.fitting.stages import Context, align, find_up, propose_poses, try_poses
 from kpred.fitting.stages import clean as clean_points
 from kpred.nn import Model
 from kpred.pose.estimators import PoseEstimator
@@ -109,7 +110,7 @@ def fit(
 def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options: FitOptions, timer: Timer) -> Fit:
     """Fit a scan: read, clean, pose, retrieve, deform, select, place, assess."""
     with timer("read"):
-        raw = read_points(scan, options.seed)
+        raw = read_raw_scan(scan, options)
     with timer("up"):
         up = find_up(raw, context, options)
     with timer("clean"):

@@ -16,18 +16,15 @@ from kpred.fitting.deform import PLACED_POINTS
 from kpred.fitting.floor_contact import feet_missing
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, initial_frame
 from kpred.fitting.options import FitOptions
+from kpred.fitting.raw_scan import RawScan, without_strays
 from kpred.fitting.visibility import Visibility, all_seen, lacks_parts, predicted
 from kpred.nn import Model
 from kpred.ops.rotations import yaw_rotation
 from kpred.pose.proposals import check_known_frame, generate_poses, score_poses, up_axis
 from kpred.pose.recognition import PoseHypothesis
-from kpred.preprocessing.clean import CleanConfig, CleaningStep, clean_scan
+from kpred.preprocessing.clean import CleaningStep, clean_scan
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import distances, spacing
-from kpred.shapes.scan import check_points, read_scan
-
-MAX_POINTS = 50_000
-"""Points of a scan that are cleaned; of a denser scan so many are taken at random."""
 
 SCAN_POINTS = 2048
 """Points of a scan that a fit uses (N_P of the paper); a denser scan is thinned."""
@@ -104,37 +101,29 @@ class Tried:
         return (scan.floor - float((frame.rotation @ frame.center)[1])) / frame.scale
 
 
-def read_points(scan: str | os.PathLike[str] | np.ndarray, seed: int) -> np.ndarray:
-    """Read at most `MAX_POINTS` points (N, 3) of a scan, in random order.
-
-    Raises:
-        ScanError: the scan is missing, unreadable, degenerate or too small.
-    """
-    name = "scan" if isinstance(scan, np.ndarray) else str(scan)
-    cloud = scan if isinstance(scan, np.ndarray) else read_scan(scan, seed=seed)
-    points = check_points(np.asarray(cloud, dtype=np.float64), name)
-    # In random order the first points are a fair sample too.
-    return points[np.random.default_rng(seed).permutation(len(points))[:MAX_POINTS]]
-
-
-def find_up(points: np.ndarray, context: Context, options: FitOptions) -> str:
+def find_up(scan: RawScan, context: Context, options: FitOptions) -> str:
     """Find the scan's up axis, unless the caller names it."""
-    return "y" if options.known else up_axis(points, options.up, context.model.recognizer)
+    if options.known:
+        return "y"
+    config, points = options.clean_config, scan.points
+    if options.up == "auto" and config is not None and config.outliers:
+        points = without_strays(points, config.outlier_ratio)
+    return up_axis(points, options.up, context.model.recognizer)
 
 
-def clean(points: np.ndarray, up: str, options: FitOptions) -> CleanScan:
+def clean(scan: RawScan, up: str, options: FitOptions) -> CleanScan:
     """Remove what is not the object, and thin what is left.
 
     Raises:
         ScanError: too few points are left.
     """
-    wanted = isinstance(options.clean, CleanConfig) or (options.clean and not options.known)
-    if not wanted:
-        return CleanScan(points[:SCAN_POINTS], len(points), up, options.floor, ())
-    settings = options.clean if isinstance(options.clean, CleanConfig) else CleanConfig()
-    cleaned = clean_scan(points, up, settings, seed=options.seed, floor=options.floor)
+    points, config = scan.points, options.clean_config
+    size = len(points) + sum(step.removed for step in scan.steps)
+    if config is None:
+        return CleanScan(points[:SCAN_POINTS], size, up, options.floor, scan.steps)
+    cleaned = clean_scan(points, up, config, seed=options.seed, floor=options.floor)
     floor = cleaned.floor_height if options.floor is None else options.floor
-    return CleanScan(cleaned.points[:SCAN_POINTS], len(points), up, floor, cleaned.steps)
+    return CleanScan(cleaned.points[:SCAN_POINTS], size, up, floor, (*scan.steps, *cleaned.steps))
 
 
 def propose_poses(scan: CleanScan, context: Context, options: FitOptions) -> list[PoseHypothesis]:

@@ -93,6 +93,11 @@ def bundled_model_path(name: str = "bundled") -> Path:
     return Path(str(resources.files("kpred"))) / "bundled" / BUNDLED[name]
 
 
+def is_folder_name(name: str) -> bool:
+    """Check whether a name of a model means a folder, not a model of the package or of the Hub."""
+    return name not in BUNDLED and not is_hub_address(name)
+
+
 def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
     """Load weights: None or a name in `BUNDLED` for those of the package, else a folder or `hf://owner/name@revision`.
 

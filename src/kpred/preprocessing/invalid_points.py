@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kpred.ops.typing import Bool, Float
-from kpred.preprocessing.config import LEAST_POINTS
+from kpred.preprocessing.config import MIN_POINTS
 from kpred.preprocessing.outliers import duplicate_points
 
 MIN_REPEATS = 16
@@ -25,10 +25,10 @@ def invalid_points(points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " 
     repeated = duplicate_points(points)
     found = repeated | _at_markers(points, repeated)
     rows = np.flatnonzero(~found)
-    if len(rows) < LEAST_POINTS:
-        return repeated if np.count_nonzero(~repeated) >= LEAST_POINTS else np.zeros(len(points), dtype=bool)
+    if len(rows) < MIN_POINTS:
+        return repeated if np.count_nonzero(~repeated) >= MIN_POINTS else np.zeros(len(points), dtype=bool)
     far = _behind_gap(points[rows])
-    if len(rows) - far.sum() >= LEAST_POINTS:
+    if len(rows) - far.sum() >= MIN_POINTS:
         found[rows[far]] = True
     return found
 

@@ -16,6 +16,9 @@ NEIGHBOURS = 8
 RANK = 5
 """A point's reach is the distance to its neighbour of this rank."""
 
+SPARSE_RATIO, SPARSE_QUANTILE = 6.0, 0.65
+"""Minimum reach of a stray, in multiples of this quantile of all reaches: a 36th of the density on a surface."""
+
 
 def duplicate_points(points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " points"]:
     """Return a mask (N,) of points with exactly the coordinates of an earlier point."""
@@ -62,14 +65,15 @@ def stray_points(near: Neighbourhood, size: float, ratio: float) -> Bool[np.ndar
     """Return a mask (N,) of points much farther from their neighbours than these are from theirs.
 
     Compared with the neighbours and not with the whole cloud, so that sparse surfaces stay. A point with nothing within
-    a tenth of the scan's size is also a stray.
+    a tenth of the scan's size, or in far sparser surroundings than most, as one of many strays, is also a stray.
 
     Args:
         ratio: minimum reach of a stray, in multiples of the neighbours' reach.
     """
     usual = float(np.median(near.reach))
     against_neighbours = (near.reach > ratio * near.local) & (near.reach > 0.5 * ratio * usual)
-    return against_neighbours | ((near.reach > 0.1 * size) & (near.reach > 2 * ratio * usual))
+    against_most = near.reach > SPARSE_RATIO * float(np.quantile(near.reach, SPARSE_QUANTILE))
+    return against_neighbours | against_most | ((near.reach > 0.1 * size) & (near.reach > 2 * ratio * usual))
 
 
 def island_points(

@@ -43,6 +43,9 @@ _SMALLEST, _LARGEST = 1e-18, 1e18
 # Width over length (as standard deviations) below which points count as lying on one line.
 _LINE = 1e-4
 
+# Points that are so many median distances from the middle say nothing about that.
+_FAR = 100.0
+
 
 class ScanWarning(UserWarning):
     """A scan can be used, but may be worse than it should be; the message says why."""
@@ -120,7 +123,11 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
             size = "large" if extent > 1 else "small"
             raise ScanError(f"{name}: its coordinates are too {size} to be a scan; check its unit.")
     centred = (array - (low / 2 + high / 2)) / extent
-    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(centred.T)), 0.0))
+    # One point very far away makes a line of any cloud.
+    distance = np.linalg.norm(centred - np.median(centred, axis=0), axis=1)
+    apart = distance[distance > 0]
+    near = centred[distance <= _FAR * float(np.median(apart))] if len(apart) else centred
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(near.T)), 0.0))
     if spread[1] <= _LINE * spread[2]:
         raise ScanError(f"{name}: all its points lie on one line; give the scan of a whole object.")
     return array
