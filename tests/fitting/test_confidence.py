@@ -42,6 +42,17 @@ def test_a_good_fit_is_trusted_and_a_bad_one_is_not() -> None:
     assert confidence(Evidence(0.25, 0.5, 0.2, 0.4, 0.4, -8.0, 0.5)) < 0.1
 
 
+@pytest.mark.parametrize("odds", [8.0, None])
+def test_confidence_falls_with_what_stays_unexplained(odds: float | None) -> None:
+    best = Evidence(error=0.01, unexplained=0.0, seen=1.0, category=1.0, turn=1.0, odds=odds, box=0.01)
+    found = [confidence(dataclasses.replace(best, unexplained=part)) for part in np.arange(0.0, 0.5, 0.02)]
+    assert (np.diff(found) < 0).all()
+    assert confidence(dataclasses.replace(best, unexplained=0.1)) > 0.9 * found[0]
+    assert confidence(dataclasses.replace(best, unexplained=0.2)) < 0.75 * found[0]
+    assert confidence(dataclasses.replace(best, unexplained=0.26)) < 0.5
+    assert confidence(dataclasses.replace(best, unexplained=0.44)) < 0.05
+
+
 def _reading(cloud: torch.Tensor, degrees: float, score: float, category: str = "chair") -> Hypothesis:
     """One candidate that is the cloud itself, its scan the same cloud."""
     none = torch.zeros(1, 1, 3)

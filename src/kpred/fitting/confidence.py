@@ -20,6 +20,9 @@ from kpred.ops.typing import Float
 UNEXPLAINED_DISTANCE = 0.1
 """Scan points farther than this from the result are not explained by it, unit box."""
 
+EXPLAINED, DOUBT_WIDTH = 0.1, 0.15
+"""Unexplained fraction of a scan from which on confidence falls, and the fraction beyond that divides it by e."""
+
 SAME_TURN = math.radians(20.0)
 """Readings whose turns differ by less than this are one, as far as confidence goes."""
 
@@ -88,6 +91,9 @@ class Evidence:
 def confidence(evidence: Evidence, calibration: Calibration | None = None) -> float:
     """Compute the probability that category, yaw and surface of a result are right.
 
+    A regression on the evidence, and a factor that falls with the unexplained fraction of the scan: whatever else
+    speaks for a result, one that leaves a quarter of the scan unexplained is more likely wrong.
+
     Args:
         calibration: of the model; None takes `BUILT_IN`.
 
@@ -98,7 +104,13 @@ def confidence(evidence: Evidence, calibration: Calibration | None = None) -> fl
     if chosen.features != FEATURES:
         raise ModelError("The model's calibration.json is of another version; run `kpred train confidence` again.")
     weights = np.array(chosen.weights_without_odds if evidence.odds is None else chosen.weights)
-    return float(1.0 / (1.0 + math.exp(-float(np.clip(evidence.features() @ weights, -30, 30)))))
+    supported = 1.0 / (1.0 + math.exp(-float(np.clip(evidence.features() @ weights, -30, 30))))
+    return float(supported * explained_factor(evidence.unexplained))
+
+
+def explained_factor(unexplained: float) -> float:
+    """Compute the factor in (0, 1] by which an unexplained fraction of the scan lowers confidence."""
+    return math.exp(-((max(0.0, unexplained - EXPLAINED) / DOUBT_WIDTH) ** 2))
 
 
 def evidence_of(

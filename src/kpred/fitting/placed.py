@@ -86,8 +86,8 @@ def place(deformed: Deformed, order: Sequence[int], frame: Frame, database: Data
     moved, keypoints = place_points(explanation, entry, frame)
     if not np.isfinite(moved).all():
         raise DatabaseError(
-            f"Database {database.path}: the model {entry.model_id} is damaged (its deformed mesh is not finite); add it "
-            "again."
+            f"Database {database.path}: the model {entry.model_id} is damaged (its deformed mesh is not finite); add "
+            "it again."
         )
     mesh = trimesh.Trimesh(moved, entry.mesh.faces.copy(), process=False)
     model = place_model(explanation.placement, entry, frame, known)

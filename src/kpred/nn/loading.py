@@ -120,8 +120,8 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
             folder = fetch_from_hub(name)
         elif not folder.is_dir():
             raise ModelError(
-                f"There is no model folder {name}; give a folder of trained weights, hf://owner/name@revision, or leave "
-                "it out for the bundled ones."
+                f"There is no model folder {name}; give a folder of trained weights, hf://owner/name@revision, or "
+                "leave it out for the bundled ones."
             )
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)

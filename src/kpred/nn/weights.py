@@ -41,7 +41,9 @@ def load_weights(folder: Path, build: Callable[[dict[str, Any]], Network], devic
         raise ModelError(f"{folder / WEIGHTS_FILE} is truncated or no safetensors file; copy it again.") from error
     for name, value in weights.items():
         if not torch.isfinite(value).all():
-            raise ModelError(f"{folder / WEIGHTS_FILE}: {name} has weights that are not finite; train or copy it again.")
+            raise ModelError(
+                f"{folder / WEIGHTS_FILE}: {name} has weights that are not finite; train or copy it again."
+            )
     try:
         network.load_state_dict({key: value.float() for key, value in weights.items()})
     except RuntimeError as error:

@@ -22,7 +22,9 @@ MIN_KNOWN_COVERAGE = 0.6
 """Like `MIN_FLOOR_COVERAGE`, of a patch that lies at the known height of the floor."""
 
 
-def detect_floor_in_box(patch: PlanarPatch, up: Float[np.ndarray, "3"], size: float, level: float | None = None) -> RoomSurface | None:
+def detect_floor_in_box(
+    patch: PlanarPatch, up: Float[np.ndarray, "3"], size: float, level: float | None = None
+) -> RoomSurface | None:
     """Find a floor that does not reach beyond the object; None if the patch is more likely the object's own.
 
     Bottom boards stand on feet or have walls around them. Points under feet and inside of walls stay.
