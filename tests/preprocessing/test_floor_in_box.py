@@ -66,11 +66,15 @@ def test_a_closed_body_keeps_its_bottom(told: bool, rng: np.random.Generator) ->
     assert removed(clean_scan(box, config=NO_THINNING, floor=-1.0 if told else None)) == 0
 
 
-def test_a_shelf_above_the_known_floor_is_no_floor(rng: np.random.Generator) -> None:
-    mesh = next(iter(generate("table", 1, 21)))
-    scan = np.concatenate([surface(mesh, 0), floor_of_box(mesh, 0)])
-    below = float(mesh.bounds[0, 1]) - 0.2
-    assert removed(clean_scan(scan, config=NO_THINNING, floor=below)) == 0
+def test_a_plane_above_the_known_floor_is_no_floor(rng: np.random.Generator) -> None:
+    top = rng.uniform([-0.5, 0.70, -0.4], [0.5, 0.74, 0.4], (2000, 3))
+    corners = rng.choice([-1.0, 1.0], (1000, 2)) * [0.47, 0.37]
+    legs = np.column_stack([corners[:, 0], rng.uniform(0.0, 0.7, 1000), corners[:, 1]])
+    legs[:, [0, 2]] += rng.uniform(-0.03, 0.03, (1000, 2))
+    plane = rng.uniform([-0.5, -0.001, -0.4], [0.5, 0.001, 0.4], (2000, 3))
+    scan = np.concatenate([top, legs, plane])
+    assert removed(clean_scan(scan, config=NO_THINNING, floor=0.0)) > 1500
+    assert removed(clean_scan(scan, config=NO_THINNING, floor=-0.2)) == 0
 
 
 @pytest.mark.parametrize("floor", [None, 0.0])
