@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
@@ -34,7 +34,7 @@ class RemoveCommand(Command):
         from kpred.database import Database
 
         if not self.model_ids:
-            raise UsageError("no model was named; `kpred database search` and `info` show what there is")
+            raise UsageError("no model was named; `kpred database list` shows what there is")
         with Database.open(self.file) as database:
             removed = database.remove(self.model_ids)
         output.result({"path": masked(self.file), "removed": removed})
@@ -69,8 +69,46 @@ class InfoCommand(Command):
         ]
         title = f"{facts['path']}: {facts['models']} models, {facts['bytes'] / 1e6:.1f} MB"
         output.table(title, ["category", "models", "keypoints", "token", "model", "weights"], rows)
+        for licence, count in facts["licences"].items():
+            if licence:
+                output.note(f"{count} under {licence}; `kpred database list` names authors and sources")
         for name, model_ids in ids.items():
             output.note("\n".join(f"{name}  {model_id}" for model_id in model_ids))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListCommand(Command):
+    """List the models of a database with their titles, authors, licences, sources and sizes.
+
+    examples:
+      kpred database list furniture.kpred
+      kpred database list furniture.kpred --category chair --json
+    """
+
+    file: DatabasePath
+    """An existing database: a file or postgresql://user@host/name"""
+    category: Annotated[str | None, arg(metavar="NAME")] = None
+    """List this category only"""
+
+    def run(self, output: Output) -> None:
+        """Print a row a model."""
+        from kpred.database import Database
+
+        with Database.open(self.file, read_only=True) as database:
+            found = database.all_metadata(self.category)
+        output.result([{"model_id": name, **facts} for name, facts in found.items()])
+        columns = ("category", "title", "author", "licence", "source", "size", "faces")
+        rows = [
+            [name, *(facts.get(key) if key != "size" else _size(facts) for key in columns)]
+            for name, facts in found.items()
+        ]
+        output.table(f"{masked(self.file)}: {len(found)} models", ["model", *columns], rows)
+
+
+def _size(facts: dict[str, Any]) -> str | None:
+    """Width, height and depth as one cell, where they are known."""
+    sides = [facts.get(key) for key in ("width", "height", "depth")]
+    return None if None in sides else " x ".join(map(str, sides)) + " m"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +155,7 @@ COMMAND: dict[str, type[Command]] = {
     "add": AddCommand,
     "remove": RemoveCommand,
     "info": InfoCommand,
+    "list": ListCommand,
     "search": SearchCommand,
     "copy": CopyCommand,
     "update": UpdateCommand,

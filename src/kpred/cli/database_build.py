@@ -46,6 +46,9 @@ class _Encoding(Command):
     gpus_per_worker: Annotated[float, arg(metavar="SHARE")] = 0.0
     """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
 
+    update: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Replace models that the database holds with another mesh or other details; else they are kept and named"""
+
     def encode(self, output: Output, source: Path, file: str, resume: bool) -> None:
         """Encode the shapes of `source` into `file`, with a progress bar, and print what was done."""
         from kpred.cli.progress import ProgressBar
@@ -74,8 +77,9 @@ class _Encoding(Command):
                     workers=1 if self.workers is None else self.workers,
                     progress=lambda done: bar.update("encoding models", done),
                     encoder=encoder,
+                    update=self.update,
                 )
-                if report.added:
+                if report.added or report.replaced:
                     with Database.open(file) as database:
                         database.prepare_search(lambda done, total: bar.update("preparing search", done, total))
         except BaseException as error:
@@ -85,19 +89,28 @@ class _Encoding(Command):
                 raise KeyboardInterrupt(f"{masked(file)} is whole, and the same command goes on with it") from error
             raise
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
-        if not report.added and not report.skipped_present:
+        there = report.skipped_present + report.replaced + len(report.changed)
+        if not report.added and not there:
             if is_new:
                 _drop_if_empty(file)
             why = left_out[0] if left_out else "no shape of that category and split is there"
             raise DatabaseError(f"{source}: nothing could be put into {masked(file)}; {why}")
         facts = {"path": masked(file), "added": report.added, "present": report.skipped_present, "left_out": left_out}
+        facts |= {"replaced": report.replaced, "changed": report.changed}
         output.result(facts | {"warnings": check.warnings()})
+        if report.changed:
+            named = ", ".join(report.changed[:5]) + (", ..." if len(report.changed) > 5 else "")
+            output.caution(
+                f"{len(report.changed)} models are in {masked(file)} with another mesh, which was kept ({named}); "
+                "--update replaces them."
+            )
         for sentence in left_out[:10]:
             output.note(f"left out: {sentence}")
         if len(left_out) > 10:
             output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
         output.note(
-            f"{masked(file)}: {report.added} added, {report.skipped_present} already there, {len(left_out)} left out"
+            f"{masked(file)}: {report.added} added, {report.replaced} replaced, "
+            f"{report.skipped_present + len(report.changed)} already there, {len(left_out)} left out"
         )
 
         for sentence in check.warnings():
@@ -122,7 +135,7 @@ class _Encoding(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class BuildCommand(_Encoding):
-    """Build a database from a mesh pack, a folder of packs or of meshes, or a Parquet manifest of mesh files.
+    """Build a database from a mesh pack, a folder of packs or of meshes, or a manifest of mesh files.
 
     A build that was stopped goes on where it was when the same command is given again.
 
@@ -134,7 +147,7 @@ class BuildCommand(_Encoding):
     """
 
     source: Source
-    """Mesh pack (.npz), folder of packs or of .obj .glb .gltf .ply .stl .off files, or manifest (.parquet)"""
+    """Mesh pack (.npz), folder of packs or .obj .glb .gltf .ply .stl .off files, or manifest (.csv, .json, .parquet)"""
     output: Annotated[str, arg(aliases=["-o"], metavar="FILE")]
     """The database to write: a file (.kpred) or postgresql://user@host/name"""
     resume: Annotated[bool, arg(help_behavior_hint="")] = True

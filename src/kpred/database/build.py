@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from kpred.database.address import is_address
@@ -17,7 +17,11 @@ from kpred.database.encoders import Batch, Encoder, InProcesses, InThisProcess
 from kpred.database.entry import Entry
 from kpred.errors import DatabaseError, MeshError
 from kpred.nn import KPRed
-from kpred.shapes.mesh import Mesh
+from kpred.shapes.mesh import Mesh, clean_mesh, mesh_hash
+from kpred.shapes.source import Shape
+
+CONTENT = "content"
+"""Name, in a model's metadata, of the hash of its mesh."""
 
 
 @dataclass
@@ -26,23 +30,27 @@ class BuildReport:
 
     Attributes:
         added: models encoded and put into the file.
-        skipped_present: models whose id was in the file already.
+        skipped_present: models that were in the file already, with the same mesh.
+        replaced: models that were in the file with another mesh, and took its place.
+        changed: ids of models that are in the file with another mesh, which was kept.
         failed: (model id, reason) of the models left out.
     """
 
     added: int = 0
     skipped_present: int = 0
+    replaced: int = 0
+    changed: list[str] = field(default_factory=list)
     failed: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def handled(self) -> int:
         """Models that are done with, one way or another."""
-        return self.added + self.skipped_present + len(self.failed)
+        return self.added + self.skipped_present + self.replaced + len(self.changed) + len(self.failed)
 
 
 def build_database(
     path: str | os.PathLike[str],
-    shapes: Iterable[tuple[str, str, str, Mesh]],
+    shapes: Iterable[Shape | tuple[str, str, str, Mesh]],
     model: Mapping[str, KPRed],
     batch: int = 16,
     seed: int = 0,
@@ -50,13 +58,15 @@ def build_database(
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
     encoder: Encoder | None = None,
+    update: bool = False,
 ) -> BuildReport:
-    """Encode shapes (model id, category, split, mesh) and put them into the database at `path`.
+    """Encode shapes (model id, category, split, mesh, ...) and put them into the database at `path`.
 
     Every `batch` models of a category are one transaction. With `resume` an existing file is added to, and models that
     are in it are skipped: a build that was killed goes on and ends with the content of one that was not. Without it
     the database is built beside an existing file and takes its place at the end. Broken meshes, and models of
-    categories that the model does not know, are left out and listed. The split is recorded as metadata.
+    categories that the model does not know, are left out and listed. The split, a hash of the mesh, and what is known
+    of a shape (`kpred.shapes.Shape.details`) are recorded as metadata.
 
     Args:
         path: the file or the server's address; made when there is no database.
@@ -68,6 +78,7 @@ def build_database(
         progress: called with the number of shapes that are done with, after each of them and after each batch.
         workers: processes that encode, one thread each; 1 is this process alone, with its threads. The content of the
             database does not depend on it, but for the last digits of sums.
+        update: replace models that are in the file with another mesh or other details; else they are kept and listed.
         encoder: who encodes instead, such as the workers of a cluster (`kpred.batch.ray_encoder`); it is not closed.
 
     Raises:
@@ -78,20 +89,26 @@ def build_database(
             f"Database {path}: a build needs at least 1 model a batch and 1 worker, not {batch}, {workers}."
         )
     if encoder is not None:
-        return _built(path, shapes, model, batch, seed, resume, progress, encoder)
+        return _built(path, shapes, model, _Plan(batch, seed, update), resume, progress, encoder)
     own: Encoder = InThisProcess(model) if workers == 1 else InProcesses(model, workers)
     try:
-        return _built(path, shapes, model, batch, seed, resume, progress, own)
+        return _built(path, shapes, model, _Plan(batch, seed, update), resume, progress, own)
     finally:
         own.close()
 
 
+@dataclass(frozen=True)
+class _Plan:
+    batch: int
+    seed: int
+    update: bool
+
+
 def _built(
     path: str | os.PathLike[str],
-    shapes: Iterable[tuple[str, str, str, Mesh]],
+    shapes: Iterable[Shape | tuple[str, str, str, Mesh]],
     model: Mapping[str, KPRed],
-    batch: int,
-    seed: int,
+    plan: _Plan,
     resume: bool,
     progress: Callable[[int], None] | None,
     encoder: Encoder,
@@ -99,14 +116,14 @@ def _built(
     there = Database.exists(path)
     if resume or not there:
         with Database.open(path) if there else Database.create(path) as database:
-            return _Build(database, model, batch, seed, progress, encoder).run(shapes)
+            return _Build(database, model, plan, progress, encoder).run(shapes)
     if is_address(path):
         raise DatabaseError(f"Database {path} is on a server and cannot be built anew; drop its schema kpred first.")
     target = Path(path)
     check_replaceable(target)
     with explained(target), tempfile.TemporaryDirectory(prefix=".kpred-", dir=target.parent) as folder:
         with Database.create(Path(folder) / target.name) as database:
-            report = _Build(database, model, batch, seed, progress, encoder).run(shapes)
+            report = _Build(database, model, plan, progress, encoder).run(shapes)
         os.replace(Path(folder) / target.name, target)
     return report
 
@@ -118,8 +135,7 @@ class _Build:
         self,
         database: Database,
         model: Mapping[str, KPRed],
-        batch: int,
-        seed: int,
+        plan: _Plan,
         progress: Callable[[int], None] | None,
         encoder: Encoder,
     ) -> None:
@@ -129,47 +145,66 @@ class _Build:
         self.encoder = encoder
         self.started: deque[tuple[list[str], Callable[[], list[Entry]]]] = deque()
         self.model_name = str(getattr(model, "name", ""))
-        self.batch = batch
-        self.seed = seed
+        self.plan = plan
         self.progress = progress
         self.report = BuildReport()
         self.seen = set(database.model_ids())
         self.present = frozenset(self.seen)
+        self.done: set[str] = set()
         self.waiting: dict[str, Batch] = {}
 
-    def run(self, shapes: Iterable[tuple[str, str, str, Mesh]]) -> BuildReport:
-        for model_id, category, split, mesh in shapes:
+    def run(self, shapes: Iterable[Shape | tuple[str, str, str, Mesh]]) -> BuildReport:
+        for item in shapes:
+            shape = Shape(*item)
             # Meshes are prepared before they count toward a batch: a broken one then leaves the batches as they are,
             # also when it is tried again by a build that goes on.
-            self._take(model_id, category, split, mesh)
-            if len(self.waiting.get(category, ())) >= self.batch:
-                self._encode(category)
-            self._tell()
+            self._take(shape)
+            if len(self.waiting.get(shape.category, ())) >= self.plan.batch:
+                self._encode(shape.category)
+            self._report()
         for category in list(self.waiting):
             self._encode(category)
-            self._tell()
+            self._report()
         while self.started:
             self._commit()
-            self._tell()
+            self._report()
         return self.report
 
-    def _take(self, model_id: str, category: str, split: str, mesh: Mesh) -> None:
-        if model_id in self.present:
-            self.report.skipped_present += 1
-            return
-        if model_id in self.seen:
+    def _take(self, shape: Shape) -> None:
+        model_id = shape.model_id
+        is_present = model_id in self.present
+        if model_id in self.done or (model_id in self.seen and not is_present):
             self.report.failed.append((model_id, "another shape of this source has the same id"))
             return
         self.seen.add(model_id)
-        if category not in self.categories:
-            self.report.failed.append((model_id, f"the model knows no category {category!r}"))
+        self.done.add(model_id)
+        if shape.category not in self.categories:
+            self.report.failed.append((model_id, f"the model knows no category {shape.category!r}"))
             return
         try:
-            prepared = prepare_mesh(mesh, model_id, self.seed)
+            content = mesh_hash(clean_mesh(replace(shape.mesh, name=model_id)))
+            metadata = {**shape.details, "split": shape.split, CONTENT: content}
+            if is_present and self._is_kept(shape, metadata):
+                return
+            prepared = prepare_mesh(shape.mesh, model_id, self.plan.seed)
         except MeshError as error:
             self.report.failed.append((model_id, str(error)))
             return
-        self.waiting.setdefault(category, []).append((prepared, {"split": split}))
+        self.waiting.setdefault(shape.category, []).append((prepared, metadata))
+
+    def _is_kept(self, shape: Shape, metadata: Mapping[str, str]) -> bool:
+        """Whether a model that is in the database already stays as it is there; counts it."""
+        known = self.database.metadata(shape.model_id)
+        content = known.get(CONTENT) or mesh_hash(self.database.entry(shape.model_id).mesh)
+        is_same = content == metadata[CONTENT]
+        details = {key: value for key, value in known.items() if key not in (CONTENT, "split")}
+        if self.plan.update and not (is_same and details == dict(shape.details)):
+            return False
+        if is_same:
+            self.report.skipped_present += 1
+        else:
+            self.report.changed.append(shape.model_id)
+        return True
 
     def _encode(self, category: str) -> None:
         batch = self.waiting.pop(category, [])
@@ -190,8 +225,11 @@ class _Build:
                 self.report.failed.append((entry.model_id, str(error)))
             else:
                 entries.append(entry)
-        self.report.added += self.database.add(entries, model_name=self.model_name)
+        replaced = {entry.model_id for entry in entries} & self.present
+        count = self.database.add(entries, model_name=self.model_name, replace=bool(replaced))
+        self.report.replaced += len(replaced)
+        self.report.added += count - len(replaced)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self.progress is not None:
             self.progress(self.report.handled)

@@ -33,7 +33,7 @@ from kpred.database.rows import (
 from kpred.database.schema import CategoryRow, ModelRow
 from kpred.database.search import Index, SearchResult, as_result
 from kpred.database.sqlite import SqliteBackend
-from kpred.database.statistics import read_statistics
+from kpred.database.statistics import read_metadata, read_statistics
 from kpred.database.weights_check import check_weights
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
@@ -118,26 +118,29 @@ class Database:
     ) -> None:
         self.close()
 
-    def add(self, entries: Iterable[Entry], *, model_name: str = "") -> int:
+    def add(self, entries: Iterable[Entry], *, model_name: str = "", replace: bool = False) -> int:
         """Put entries into the file in one transaction and return their number.
 
-        `model_name`: name of the model whose weights made them, for messages.
+        `model_name`: name of the model whose weights made them, for messages; `replace`: models of the same ids go.
         Raises DatabaseError, and then adds none of them: an id is there already, the weights of an entry (its
         `fingerprint`) are not those of the other entries of its category, or its arrays do not fit each other.
         """
         pending = list(entries)
         for entry in pending:
             entry.check()
-        return self.add_records([make_record(entry, model_name) for entry in pending])
+        return self.add_records([make_record(entry, model_name) for entry in pending], replace=replace)
 
-    def add_records(self, models: Sequence[ModelRecord]) -> int:
+    def add_records(self, models: Sequence[ModelRecord], *, replace: bool = False) -> int:
         """Put models of another database into this one in one transaction, to the bit; otherwise like `add`."""
-        return retry_on_disconnect(lambda is_retry: self._add(models, is_retry))
+        return retry_on_disconnect(lambda is_retry: self._add(models, is_retry, replace))
 
-    def _add(self, models: Sequence[ModelRecord], is_retry: bool) -> int:
-        with self._transaction(write=True) as connection:
+    def _add(self, models: Sequence[ModelRecord], is_retry: bool, replace: bool) -> int:
+        with self._transaction(write=True, exclusive=replace) as connection:
+            present = find_rows(connection, [model.model_id for model in models]) if replace or is_retry else {}
+            if replace:
+                delete_rows(connection, list(present.values()))
             # A connection that was lost while committing leaves open whether it did.
-            if is_retry and models and len(find_rows(connection, [model.model_id for model in models])) == len(models):
+            elif models and len(present) == len(models):
                 return len(models)
             self._backend.added(connection, insert_records(connection, models, str(self.path)))
         return len(models)
@@ -182,6 +185,11 @@ class Database:
             meta = connection.scalar(select(ModelRow.meta).where(ModelRow.model_id == model_id))
         self._check_known([model_id], () if meta is None else (model_id,))
         return dict(meta or {})
+
+    def all_metadata(self, category: str | None = None) -> dict[str, dict[str, Any]]:
+        """Return the metadata of all models, or of one category, by id, with `category` and counts; sorted by id."""
+        with self._transaction() as connection:
+            return read_metadata(connection, category)
 
     def entry(self, model_id: str) -> Entry:
         """Return all of one model, mesh and vertex basis included."""

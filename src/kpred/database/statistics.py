@@ -1,4 +1,4 @@
-"""What a database says of itself, for people and programs."""
+"""What a database and its models say of themselves, for people and programs."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def read_statistics(connection: Connection) -> dict[str, Any]:
         "schema_version": int(recorded["schema_version"]),
         "created_by": recorded["created_by"],
         "models": sum(row.models for row in rows),
+        "licences": read_licences(connection),
         "categories": {
             row.name: {
                 "models": row.models,
@@ -32,4 +33,24 @@ def read_statistics(connection: Connection) -> dict[str, Any]:
             }
             for row in rows
         },
+    }
+
+
+def read_licences(connection: Connection) -> dict[str, int]:
+    """Count the models of each licence; an empty name is of those of which none is known."""
+    licence = func.coalesce(ModelRow.meta["licence"].as_string(), "")
+    found = connection.execute(select(licence, func.count()).group_by(licence)).all()
+    return {str(name): int(count) for name, count in sorted(found)}
+
+
+def read_metadata(connection: Connection, category: str | None = None) -> dict[str, dict[str, Any]]:
+    """Read the metadata of all models, or of one category, by id, with `category` and the counts of the mesh."""
+    query = select(ModelRow.model_id, ModelRow.meta, ModelRow.vertex_count, ModelRow.face_count, CategoryRow.name)
+    query = query.join(CategoryRow, CategoryRow.id == ModelRow.category_id)
+    if category is not None:
+        query = query.where(CategoryRow.name == category)
+    found = sorted(connection.execute(query).all(), key=lambda row: str(row.model_id))
+    return {
+        row.model_id: {**row.meta, "category": row.name, "vertices": row.vertex_count, "faces": row.face_count}
+        for row in found
     }

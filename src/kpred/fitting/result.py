@@ -113,6 +113,11 @@ class Fit:
         """Category of the chosen model."""
         return self.source.category
 
+    @property
+    def details(self) -> dict[str, str]:
+        """What the database says of the chosen model: title, author, licence, source, size, split, ..."""
+        return dict(self.placed.entry.metadata)
+
     def candidate(self, rank: int) -> trimesh.Trimesh:
         """Deform the mesh of the candidate of this rank, 0 being the result; in the scan's frame and units.
 
@@ -135,6 +140,7 @@ class Fit:
         return {
             "model_id": self.source.model_id,
             "category": self.category,
+            "catalogue": self.details,
             "confidence": self.confidence,
             "warnings": list(self.warnings),
             "deform": self.deform,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,3 +92,12 @@ def clean_mesh(mesh: Mesh) -> Mesh:
     renumbered = np.cumsum(used, dtype=np.int64) - 1
     parts = None if mesh.face_parts is None else mesh.face_parts[keep]
     return Mesh(mesh.vertices[used], renumbered[faces], mesh.name, parts)
+
+
+def mesh_hash(mesh: Mesh) -> str:
+    """Hash vertices and faces, to tell whether two meshes are the same to the bit; 16 hexadecimal digits."""
+    total = hashlib.sha256()
+    for array, dtype in ((mesh.vertices, "<f4"), (mesh.faces, "<i4")):
+        total.update(np.asarray(array.shape, dtype="<i8").tobytes())
+        total.update(array.astype(dtype).tobytes())
+    return total.hexdigest()[:16]

@@ -1,29 +1,35 @@
-"""Shapes from wherever they are: a mesh pack, a folder of packs or of mesh files, or a Parquet manifest."""
+"""Shapes from wherever they are: a mesh pack, a folder of packs or of mesh files, or a manifest."""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from kpred.errors import MeshError, PackError
 from kpred.shapes.folder import FolderItem, read_folder
-from kpred.shapes.manifest import read_manifest
+from kpred.shapes.manifest import MANIFEST_EXTENSIONS, folder_manifest, read_manifest
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.pack import MeshPack
+from kpred.shapes.stand import stand_mesh
 
 
 class Shape(NamedTuple):
-    """One shape of a source: y up, front +z; split is source, train or val (source for files of a folder)."""
+    """One shape of a source: y up, front +z; split is source, train or val (source for files of a folder).
+
+    `details`: what a manifest says of it, by column (title, author, licence, source, width, ...).
+    """
 
     model_id: str
     category: str
     split: str
     mesh: Mesh
+    details: Mapping[str, str] = MappingProxyType({})
 
 
 def _warn(message: str) -> None:
@@ -37,6 +43,9 @@ def open_shapes(
     report: Callable[[str], None] = _warn,
 ) -> Iterator[Shape]:
     """Yield the shapes of a mesh pack (.npz), a folder of packs or of mesh files, or a manifest, one at a time.
+
+    A manifest (`kpred.shapes.manifest`) is a .csv, .json or .parquet file, or `manifest.csv` and the like in the
+    folder; meshes are rotated and scaled as it says.
 
     Shapes are cleaned by ``clean_mesh``. ShapeNet models (``model_normalized``) have their front at -z and are turned
     by 180 degrees about y. A shape that cannot be read goes to ``report`` as one sentence and is left out.
@@ -54,6 +63,9 @@ def open_shapes(
     """
     root = Path(path)
     if root.is_dir():
+        manifest = folder_manifest(root)
+        if manifest is not None:
+            return _of_manifest(manifest, category, split, report)
         packs = sorted(root.glob("*.npz"))
         if packs:
             return (shape for pack in packs for shape in _of_pack(MeshPack.load(pack), category, split, report))
@@ -61,10 +73,12 @@ def open_shapes(
         return _of_folder(items, report) if split in (None, "source") else iter(())
     if not root.exists():
         raise PackError(f"{root}: there is no such file; give a mesh pack (.npz) or a folder of mesh files.")
-    if root.suffix.lower() == ".parquet":
+    if root.suffix.lower() in MANIFEST_EXTENSIONS:
         return _of_manifest(root, category, split, report)
     if root.suffix.lower() != ".npz":
-        raise PackError(f"{root}: it is no mesh pack (.npz), manifest (.parquet) or folder; give one of them.")
+        raise PackError(
+            f"{root}: it is no mesh pack (.npz), manifest (.csv, .json, .parquet) or folder; give one of them."
+        )
     return _of_pack(MeshPack.load(root), category, split, report)
 
 
@@ -92,12 +106,12 @@ def _of_manifest(file: Path, category: str | None, split: str | None, report: Ca
             report(row.problem or f"row {row.number} of {file.name} names no category")
             continue
         try:
-            mesh = read_mesh(row.path)
+            mesh = stand_mesh(read_mesh(row.path), row.up, row.front, row.size())
         except MeshError as error:
             report(str(error))
             continue
         # Names are paths where the manifest has no column `id`.
-        yield Shape(row.name, kind, part, mesh)
+        yield Shape(row.name, kind, part, mesh, row.details)
 
 
 def _of_folder(items: Iterator[FolderItem], report: Callable[[str], None]) -> Iterator[Shape]:
