@@ -1,0 +1,1 @@
+"""Furnished rooms and their scans, as training data: layout, scanners, fusion, packs."""

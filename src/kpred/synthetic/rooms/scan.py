@@ -1,0 +1,163 @@
+"""Scans of rooms: by hand with a depth camera, from tripods, in one view, by LiDAR."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpred.synthetic.rooms.cameras import drifted, path_poses, single_pose, tripod_poses
+from kpred.synthetic.rooms.fusion import back_project, fused
+from kpred.synthetic.rooms.occupancy import Occupancy, surface_points
+from kpred.synthetic.rooms.raster import count_views, render_frame
+from kpred.synthetic.rooms.room import OTHER, STRUCTURE, Room
+from kpred.synthetic.rooms.sensor import Sensor, measured_depth
+
+SCANNERS = ("mesh", "dense", "view", "lidar")
+"""A fused mesh's vertices (ScanNet), dense clouds from tripods (S3DIS), one depth image, LiDAR."""
+
+CARVED = 0.05
+"""Images that see this much farther (metres) than a fused point speak against it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What the cameras of a scan could have seen.
+
+    Attributes:
+        poses: (K, 4, 4) true poses, camera to world; focal: in pixels.
+        depths: (K, height, width) float32 true depths, metres, 0 where nothing is.
+        near, far: range, metres.
+    """
+
+    poses: np.ndarray
+    focal: float
+    depths: np.ndarray
+    near: float
+    far: float
+
+    def sees(self, places: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
+        """(N,) bool: whether surface at places (N, 3; world, metres) would have been seen, up to (N,) tolerances."""
+        seen, _ = count_views(
+            places.astype(np.float64),
+            self.poses,
+            self.focal,
+            self.depths,
+            tolerance.astype(np.float64),
+            self.near,
+            self.far,
+            True,
+        )
+        return np.asarray(seen > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class RoomScan:
+    """A scan of a room.
+
+    Attributes:
+        points: (N, 3) float32, the room's frame, metres.
+        instance: (N,) int32 number of the room's object that a point was measured on, -1 for none.
+        scanner: one of `SCANNERS`; views: its cameras.
+        deviation: metres that a labelled point may lie off its object's surface (four standard deviations of the noise
+            at the far end, drift, cells).
+    """
+
+    points: np.ndarray
+    instance: np.ndarray
+    scanner: str
+    views: Views
+    deviation: float
+
+
+@dataclass(frozen=True)
+class _Setting:
+    sensor: Sensor
+    width: int
+    height: int
+    focal: float
+    cell: float
+    slab: float
+    least: int
+    points: int
+    shift: float
+    turn: float
+
+
+def _setting(scanner: str, rng: np.random.Generator) -> _Setting:
+    shift, turn = float(rng.uniform(0.0, 0.018)), float(np.radians(rng.uniform(0.0, 0.45)))
+    if scanner == "mesh":
+        sensor = Sensor(far=float(rng.uniform(3.6, 4.5)), noise=float(rng.uniform(0.001, 0.002)))
+        cell = float(rng.uniform(0.017, 0.026))
+        return _Setting(sensor, 160, 120, 144.0, cell, 0.08, 2, int(rng.uniform(35_000, 70_000)), shift, turn)
+    if scanner == "dense":
+        sensor = Sensor(0.5, 7.0, 0.002, 0.0008, lost_edges=0.5, flying=0.06, grazing=0.1)
+        return _Setting(sensor, 288, 288, 144.0, 0.014, 0.05, 1, 220_000, shift / 2, turn / 2)
+    if scanner == "view":
+        sensor = Sensor(far=float(rng.uniform(4.0, 6.0)), flying=0.2, lost_edges=0.45)
+        return _Setting(sensor, 320, 240, 288.0, 0.0, 0.0, 1, 70_000, 0.0, 0.0)
+    sensor = Sensor(0.3, 30.0, 0.003, 0.0, lost_edges=0.1, flying=0.35, grazing=0.06, dropout=0.01)
+    return _Setting(sensor, 256, 256, 128.0, 0.0, 0.0, 1, 90_000, shift / 3, turn / 3)
+
+
+def scan_room(room: Room, scanner: str, rng: np.random.Generator) -> RoomScan:
+    """Scan a room with one of `SCANNERS`."""
+    setting = _setting(scanner, rng)
+    poses = _poses(room, scanner, rng)
+    estimated = drifted(poses, setting.shift, setting.turn, rng)
+    vertices, faces, owner = room.surfaces()
+    normals = _normals(vertices, faces)
+    loss = np.array([item.loss for item in room.objects])[owner]
+    true, noisy, clouds = [], [], []
+    for pose, guess in zip(poses, estimated, strict=True):
+        depth, face = render_frame(vertices, faces, pose, setting.focal, setting.width, setting.height)
+        found, flying = measured_depth(depth, face, normals, loss, pose, setting.focal, setting.sensor, rng)
+        true.append(depth)
+        noisy.append(found)
+        clouds.append(back_project(found, flying, face, owner, normals, guess, setting.focal))
+    points, labels, codes = (np.concatenate(column) for column in zip(*clouds, strict=True))
+    if setting.cell > 0:
+        points, labels = fused(points, labels, codes, setting.cell, setting.slab, setting.least)
+        kept = _kept(points, estimated, np.stack(noisy), setting)
+        points, labels = points[kept], labels[kept]
+    chosen = np.sort(rng.permutation(len(points))[: setting.points])
+    far = setting.sensor.far
+    views = Views(poses, setting.focal, np.stack(true), setting.sensor.near, far)
+    reach = min(far, float(np.linalg.norm(room.size)))
+    deviation = 4 * float(setting.sensor.spread(np.array(reach))) + setting.shift + setting.turn * reach
+    # A cell averages across an edge of its object.
+    deviation += 2 * setting.cell + setting.slab / 2
+    return RoomScan(points[chosen], labels[chosen], scanner, views, deviation)
+
+
+def _poses(room: Room, scanner: str, rng: np.random.Generator) -> np.ndarray:
+    if scanner == "view":
+        return single_pose(room, rng)
+    free = _free_floor(room)
+    if scanner == "mesh":
+        return path_poses(room, free, int(rng.integers(40, 90)), rng)
+    return tripod_poses(room, free, int(rng.integers(2, 4) if scanner == "dense" else rng.integers(1, 3)), rng)
+
+
+def _free_floor(room: Room) -> np.ndarray:
+    taken = Occupancy(room.size)
+    for item in room.objects:
+        if item.category != STRUCTURE and (item.category != OTHER or np.ptp(item.box, axis=0).max() > 0.5):
+            taken.add(surface_points(item.mesh, 0.06) @ item.pose[:3, :3].T + item.pose[:3, 3])
+    return taken.free_floor(0.3, 1.8)
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    corners = vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-12), dtype=np.float32)
+
+
+def _kept(points: np.ndarray, poses: np.ndarray, depths: np.ndarray, setting: _Setting) -> np.ndarray:
+    """(N,) bool: fused points that fewer images see through than meet; thin things suffer, as in a TSDF."""
+    tolerance = np.full(len(points), CARVED)
+    sensor = setting.sensor
+    before, through = count_views(
+        points.astype(np.float64), poses, setting.focal, depths, tolerance, sensor.near, sensor.far, False
+    )
+    return np.asarray(through <= 0.75 * (before - through))
