@@ -12,6 +12,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.data_infinigen import InfinigenCommand
+from kpred.cli.data_rooms import RoomsCommand
 from kpred.cli.data_sets import CheckCommand, PrepareCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
@@ -112,4 +113,5 @@ COMMAND: dict[str, type[Command]] = {
     "check": CheckCommand,
     "prepare": PrepareCommand,
     "infinigen": InfinigenCommand,
+    "rooms": RoomsCommand,
 }

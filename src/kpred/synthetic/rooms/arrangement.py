@@ -47,7 +47,7 @@ class Arrangement:
     def put(self, role: str, mesh: Mesh, pose: np.ndarray) -> RoomObject | None:
         """Add furniture of a role if it meets nothing; None if it does not fit."""
         # Some surfaces are black or glossy: little of them comes back.
-        loss = float(self.rng.uniform(0.2, 0.7)) if self.rng.random() < 0.06 else 0.0
+        loss = float(self.rng.uniform(0.2, 0.7)) if self.rng.random() < 0.12 else 0.0
         item = RoomObject(mesh.name or role, ROLES[role].category, mesh, pose, loss)
         if not self.solids.fits(self._points(item)):
             return None

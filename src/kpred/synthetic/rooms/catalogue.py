@@ -102,7 +102,9 @@ ROLES = {
         ("KitchenCabinetFactory",),
     ),
     "nightstand": Role("cabinet", "cabinet", ("nightstand", "chest_of_drawers", "filing_cabinet")),
-    "wall cabinet": Role("cabinet", "cabinet", ("wall_cabinet",)),
+    "wall cabinet": Role(
+        "cabinet", "cabinet", ("wall_cabinet", "wall_cabinet", "sideboard", "cube_grid", "asymmetric", "stepped")
+    ),
     "sofa": Role(OTHER, "chair", ("sofa_two", "sofa_three", "chaise")),
     "bed": Role(OTHER, "other", ("bed",)),
     "plant": Role(OTHER, "other", ("potted_plant",)),

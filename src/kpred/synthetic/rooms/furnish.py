@@ -34,7 +34,7 @@ def furnish_room(seed: int, index: int, catalogue: Catalogue) -> Room:
     for _ in range(whole(rng, 0, 3)):
         role = pick(rng, ["floor thing", "plant", "lamp", "wall thing", "vessel"])
         room.anywhere(role, room.draw(role))
-    crowded = between(rng, 0.0, 1.0) ** 1.3
+    crowded = 2.0 * between(rng, 0.0, 1.0) ** 1.3
     clutter_objects(room, crowded)
     clutter_floor(room, int(rng.poisson(4.0 * crowded)))
     return Room(size, room.objects)
@@ -68,8 +68,8 @@ def office(room: Arrangement) -> None:
                 desk, chair = room.draw("desk"), room.draw("office chair")
     for wall in walls:
         row(room, pick(rng, ["tall cabinet", "low cabinet"]), wall, whole(rng, 0, 4))
-    if happens(rng, 0.3):
-        row(room, "wall cabinet", walls[0], whole(rng, 1, 4), height=between(rng, 1.25, 1.5))
+    for wall in walls[: whole(rng, 0, 2)]:
+        row(room, "wall cabinet", wall, whole(rng, 1, 4), height=between(rng, 1.15, 1.5))
     for _ in range(whole(rng, 0, 2)):
         room.anywhere("office chair", chair if happens(rng, 0.5) else room.draw("office chair"))
     if happens(rng, 0.3):

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from typing import no_type_check
+
 import numba
 import numpy as np
 
 
 @numba.njit(cache=True)
-def back_project(
-    measured: np.ndarray,
-    flying: np.ndarray,
-    face: np.ndarray,
-    owner: np.ndarray,
-    normals: np.ndarray,
-    pose: np.ndarray,
-    focal: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@no_type_check
+def back_project(measured, flying, face, owner, normals, pose, focal):
     """Turn a depth image into points.
 
     Args:
@@ -75,7 +70,8 @@ def fused(
 
 
 @numba.njit(cache=True)
-def _key(x: float, y: float, z: float, label: int, code: int, cell: float, slab: float) -> int:
+@no_type_check
+def _key(x, y, z, label, code, cell, slab):
     axis = code // 2
     i = np.int64(np.floor(x / (slab if axis == 0 else cell))) + 2048
     j = np.int64(np.floor(y / (slab if axis == 1 else cell))) + 2048
@@ -84,7 +80,8 @@ def _key(x: float, y: float, z: float, label: int, code: int, cell: float, slab:
 
 
 @numba.njit(cache=True)
-def _slot(keys: np.ndarray, key: int) -> int:
+@no_type_check
+def _slot(keys, key):
     mask = len(keys) - 1
     at = ((key * np.int64(-7046029254386353131)) >> 20) & mask
     while keys[at] != -1 and keys[at] != key:
@@ -93,9 +90,8 @@ def _slot(keys: np.ndarray, key: int) -> int:
 
 
 @numba.njit(cache=True)
-def _fused(
-    points: np.ndarray, labels: np.ndarray, codes: np.ndarray, cell: float, slab: float, least: int, size: int
-) -> tuple[np.ndarray, np.ndarray]:
+@no_type_check
+def _fused(points, labels, codes, cell, slab, least, size):
     keys = np.full(size, -1, np.int64)
     sums = np.zeros((size, 3), np.float32)
     count = np.zeros(size, np.int32)
@@ -128,7 +124,8 @@ def _fused(
 
 
 @numba.njit(cache=True)
-def _join_slabs(keys: np.ndarray, sums: np.ndarray, count: np.ndarray, slab: float) -> None:
+@no_type_check
+def _join_slabs(keys, sums, count, slab):
     """A surface that lies at the border of two slabs is one surface: the smaller part joins the larger one."""
     for at in range(len(keys)):
         if keys[at] == -1 or count[at] == 0:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import no_type_check
+
 import numba
 import numpy as np
+from scipy import ndimage
 
 from kpred.shapes.mesh import Mesh
 
@@ -48,8 +51,8 @@ class Occupancy:
         """(N, 2) places (x, z) on the floor whose columns are free between two heights, and 30 cm around."""
         first, last = int(low / CELL), int(high / CELL)
         taken = self._cells[:, first:last].any(axis=1)
-        wide = _dilated(taken, int(0.3 / CELL))
-        places = np.argwhere(~wide)
+        reach = 2 * int(0.3 / CELL) + 1
+        places = np.argwhere(~ndimage.maximum_filter(taken, size=reach, mode="constant", cval=1))
         return np.asarray(places * CELL + CELL / 2 + self._low[[0, 2]])
 
 
@@ -59,7 +62,8 @@ def surface_points(mesh: Mesh, spacing: float = 0.03) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _spread(vertices: np.ndarray, faces: np.ndarray, spacing: float) -> np.ndarray:
+@no_type_check
+def _spread(vertices, faces, spacing):
     total = 0
     steps = np.zeros(len(faces), np.int64)
     for f in range(len(faces)):
@@ -82,7 +86,8 @@ def _spread(vertices: np.ndarray, faces: np.ndarray, spacing: float) -> np.ndarr
 
 
 @numba.njit(cache=True)
-def _free(cells: np.ndarray, low: np.ndarray, points: np.ndarray, above: float) -> bool:
+@no_type_check
+def _free(cells, low, points, above):
     for n in range(len(points)):
         i = int(np.floor((points[n, 0] - low[0]) / CELL))
         j = int(np.floor((points[n, 1] - low[1]) / CELL))
@@ -95,22 +100,11 @@ def _free(cells: np.ndarray, low: np.ndarray, points: np.ndarray, above: float) 
 
 
 @numba.njit(cache=True)
-def _mark(cells: np.ndarray, low: np.ndarray, points: np.ndarray) -> None:
+@no_type_check
+def _mark(cells, low, points):
     for n in range(len(points)):
         i = int(np.floor((points[n, 0] - low[0]) / CELL))
         j = int(np.floor((points[n, 1] - low[1]) / CELL))
         k = int(np.floor((points[n, 2] - low[2]) / CELL))
         if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1] and 0 <= k < cells.shape[2]:
             cells[i, j, k] = True
-
-
-def _dilated(taken: np.ndarray, reach: int) -> np.ndarray:
-    """(X, Z) bool: within `reach` cells, along the axes, of a taken one; so is the margin of the grid."""
-    wide = taken.copy()
-    wide[:reach], wide[-reach:], wide[:, :reach], wide[:, -reach:] = True, True, True, True
-    for axis in (0, 1):
-        count = np.cumsum(np.pad(wide.astype(np.int32), [(reach + 1, reach) if a == axis else (0, 0) for a in (0, 1)]), axis=axis)
-        ahead = np.take(count, np.arange(2 * reach + 1, count.shape[axis]), axis=axis)
-        behind = np.take(count, np.arange(0, count.shape[axis] - 2 * reach - 1), axis=axis)
-        wide = ahead - behind > 0
-    return wide

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import no_type_check
+
 import numba
 import numpy as np
 
@@ -10,9 +12,8 @@ NEAR = 0.05
 
 
 @numba.njit(cache=True, fastmath=False)
-def render_frame(
-    vertices: np.ndarray, faces: np.ndarray, pose: np.ndarray, focal: float, width: int, height: int
-) -> tuple[np.ndarray, np.ndarray]:
+@no_type_check
+def render_frame(vertices, faces, pose, focal, width, height):
     """Render the depth and the face of each pixel's centre.
 
     Args:
@@ -54,7 +55,8 @@ def render_frame(
 
 
 @numba.njit(cache=True)
-def _clipped(local: np.ndarray, face: np.ndarray, corners: np.ndarray) -> int:
+@no_type_check
+def _clipped(local, face, corners):
     """Cut a triangle off at the near plane; return how many of `corners` (4, 3) hold the polygon that is left."""
     count = 0
     for n in range(3):
@@ -73,7 +75,8 @@ def _clipped(local: np.ndarray, face: np.ndarray, corners: np.ndarray) -> int:
 
 
 @numba.njit(cache=True)
-def _draw(a: np.ndarray, b: np.ndarray, c: np.ndarray, face: int, inverse: np.ndarray, owner: np.ndarray) -> None:
+@no_type_check
+def _draw(a, b, c, face, inverse, owner):
     """Draw a projected triangle of corners (u, v, inverse depth); inverse depth is linear over it."""
     height, width = inverse.shape
     top = max(0, int(np.ceil(min(a[1], b[1], c[1]))))
@@ -103,16 +106,8 @@ def _draw(a: np.ndarray, b: np.ndarray, c: np.ndarray, face: int, inverse: np.nd
 
 
 @numba.njit(cache=True)
-def count_views(
-    places: np.ndarray,
-    poses: np.ndarray,
-    focal: float,
-    depths: np.ndarray,
-    tolerance: np.ndarray,
-    near: float,
-    far: float,
-    empty_sees: bool,
-) -> tuple[np.ndarray, np.ndarray]:
+@no_type_check
+def count_views(places, poses, focal, depths, tolerance, near, far, empty_sees):
     """Count the images that would show surface at places, and those that look through them.
 
     Args:

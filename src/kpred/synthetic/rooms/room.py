@@ -24,7 +24,7 @@ class RoomObject:
     Attributes:
         name: family, factory or word, such as `dining_slats`, `sofa_two`, `floor`.
         category: chair, table, cabinet, `OTHER` or `STRUCTURE`.
-        mesh: in the object's own frame: metres, y up, front +z; of furniture the lowest point lies at y = 0 and the box is
+        mesh: in the object's own frame: metres, y up, front +z; furniture has its lowest point at y = 0 and its box
             centred in x and z.
         pose: (4, 4) rigid, for column vectors, from the object's frame to the room's.
         loss: fraction of depth readings that the material swallows (black, glossy).

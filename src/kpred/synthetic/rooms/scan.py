@@ -82,17 +82,22 @@ class _Setting:
     points: int
     shift: float
     turn: float
+    carving: float = 0.0
+    warp: float = 0.0
+    rough: float = 0.0
 
 
 def _setting(scanner: str, rng: np.random.Generator) -> _Setting:
-    shift, turn = float(rng.uniform(0.0, 0.018)), float(np.radians(rng.uniform(0.0, 0.45)))
+    shift, turn = float(rng.uniform(0.0, 0.025)), float(np.radians(rng.uniform(0.0, 0.7)))
     if scanner == "mesh":
         sensor = Sensor(far=float(rng.uniform(3.6, 4.5)), noise=float(rng.uniform(0.001, 0.002)))
         cell = float(rng.uniform(0.017, 0.026))
-        return _Setting(sensor, 160, 120, 144.0, cell, 0.08, 2, int(rng.uniform(35_000, 70_000)), shift, turn)
+        warp, rough = float(rng.uniform(0.0, 0.025)), float(rng.uniform(0.001, 0.006))
+        most, carving = int(rng.uniform(35_000, 70_000)), float(rng.uniform(0.25, 0.9))
+        return _Setting(sensor, 160, 120, 144.0, cell, 0.08, 2, most, shift, turn, carving, warp, rough)
     if scanner == "dense":
         sensor = Sensor(0.5, 7.0, 0.002, 0.0008, lost_edges=0.5, flying=0.06, grazing=0.1)
-        return _Setting(sensor, 288, 288, 144.0, 0.014, 0.05, 1, 220_000, shift / 2, turn / 2)
+        return _Setting(sensor, 288, 288, 144.0, 0.014, 0.05, 1, 220_000, shift / 2, turn / 2, 0.9, 0.008, 0.002)
     if scanner == "view":
         sensor = Sensor(far=float(rng.uniform(4.0, 6.0)), flying=0.2, lost_edges=0.45)
         return _Setting(sensor, 320, 240, 288.0, 0.0, 0.0, 1, 70_000, 0.0, 0.0)
@@ -119,14 +124,14 @@ def scan_room(room: Room, scanner: str, rng: np.random.Generator) -> RoomScan:
     if setting.cell > 0:
         points, labels = fused(points, labels, codes, setting.cell, setting.slab, setting.least)
         kept = _kept(points, estimated, np.stack(noisy), setting)
-        points, labels = points[kept], labels[kept]
+        points, labels = _uneven(points[kept], setting, rng), labels[kept]
     chosen = np.sort(rng.permutation(len(points))[: setting.points])
     far = setting.sensor.far
     views = Views(poses, setting.focal, np.stack(true), setting.sensor.near, far)
     reach = min(far, float(np.linalg.norm(room.size)))
     deviation = 4 * float(setting.sensor.spread(np.array(reach))) + setting.shift + setting.turn * reach
     # A cell averages across an edge of its object.
-    deviation += 2 * setting.cell + setting.slab / 2
+    deviation += 2 * setting.cell + setting.slab / 2 + setting.warp + 5 * setting.rough
     return RoomScan(points[chosen], labels[chosen], scanner, views, deviation)
 
 
@@ -137,6 +142,18 @@ def _poses(room: Room, scanner: str, rng: np.random.Generator) -> np.ndarray:
     if scanner == "mesh":
         return path_poses(room, free, int(rng.integers(40, 90)), rng)
     return tripod_poses(room, free, int(rng.integers(2, 4) if scanner == "dense" else rng.integers(1, 3)), rng)
+
+
+def _uneven(points: np.ndarray, setting: _Setting, rng: np.random.Generator) -> np.ndarray:
+    """Fused points (N, 3) off the pattern of their cells, rough, and in a room that is bent a little."""
+    noise = rng.standard_normal(points.shape) * setting.rough
+    noise += (rng.random(points.shape) - 0.5) * 0.7 * setting.cell * (rng.random(points.shape) < 0.7)
+    for _ in range(3):
+        wave = rng.normal(0.0, 1.2, 3)
+        bend = rng.normal(0.0, 1.0, 3)
+        bend *= setting.warp / 3 / np.linalg.norm(bend)
+        noise += np.sin(points @ wave + rng.uniform(0, 2 * np.pi))[:, None] * bend
+    return np.asarray(points + noise, dtype=np.float32)
 
 
 def _free_floor(room: Room) -> np.ndarray:
@@ -154,10 +171,10 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _kept(points: np.ndarray, poses: np.ndarray, depths: np.ndarray, setting: _Setting) -> np.ndarray:
-    """(N,) bool: fused points that fewer images see through than meet; thin things suffer, as in a TSDF."""
+    """(N,) bool: fused points met more often than seen through; thin things suffer, as in a TSDF."""
     tolerance = np.full(len(points), CARVED)
     sensor = setting.sensor
     before, through = count_views(
         points.astype(np.float64), poses, setting.focal, depths, tolerance, sensor.near, sensor.far, False
     )
-    return np.asarray(through <= 0.75 * (before - through))
+    return np.asarray(through <= setting.carving * (before - through))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import no_type_check
 
 import numba
 import numpy as np
@@ -72,18 +73,8 @@ def measured_depth(
 
 
 @numba.njit(cache=True)
-def _measure(
-    depth: np.ndarray,
-    face: np.ndarray,
-    normals: np.ndarray,
-    loss: np.ndarray,
-    pose: np.ndarray,
-    focal: float,
-    values: np.ndarray,
-    coarse: np.ndarray,
-    fine: np.ndarray,
-    chance: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+@no_type_check
+def _measure(depth, face, normals, loss, pose, focal, values, coarse, fine, chance):
     height, width = depth.shape
     near, far, noise, growth, edge, lost_edges, flying, grazing, dropout = values
     found = np.zeros((height, width), np.float32)

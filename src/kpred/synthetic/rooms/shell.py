@@ -69,7 +69,7 @@ def build_shell(size: np.ndarray, rng: np.random.Generator) -> tuple[list[RoomOb
         doors = tuple((o.left - 0.2, o.right + 0.2) for o in openings if o.is_door)
         windows = tuple((o.left, o.right) for o in openings if not o.is_door)
         walls.append(Wall(pose, length, doors, windows))
-    if happens(rng, 0.25):
+    for _ in range(whole(rng, 0, 2) if happens(rng, 0.4) else 0):
         objects.append(_column(rng, width, height, depth))
     return objects, walls
 

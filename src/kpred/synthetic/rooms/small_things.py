@@ -91,7 +91,9 @@ def cups(rng: np.random.Generator) -> list[Part]:
 
 def telephone(rng: np.random.Generator) -> list[Part]:
     """A telephone, or another flat device."""
-    return [box((between(rng, 0.1, 0.25), between(rng, 0.03, 0.09), between(rng, 0.12, 0.25)), (0.0, 0.03, 0.0), "body")]
+    return [
+        box((between(rng, 0.1, 0.25), between(rng, 0.03, 0.09), between(rng, 0.12, 0.25)), (0.0, 0.03, 0.0), "body")
+    ]
 
 
 def pillow(rng: np.random.Generator) -> list[Part]:
