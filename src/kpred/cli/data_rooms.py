@@ -62,16 +62,17 @@ class RoomsCommand(Command):
                 self.count, self.seed, packs, self.first, scanner, self.points, self.splits, bar.update
             )
         rooms.save(self.output)
+        objects = dict(sorted(Counter(rooms.category.tolist()).items()))
         facts = {
             "path": self.output,
             "rooms": len(rooms),
             "points": len(rooms.points),
             "scanners": dict(sorted(Counter(rooms.scanner.tolist()).items())),
-            "objects": dict(sorted(Counter(rooms.category.tolist()).items())),
+            "objects": objects,
         }
         output.result(facts)
         output.table(
             f"{self.output}: {len(rooms)} rooms, {len(rooms.points)} points",
             ["category", "objects"],
-            list(facts["objects"].items()),
+            list(objects.items()),
         )

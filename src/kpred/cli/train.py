@@ -178,10 +178,13 @@ class RecognitionCommand(Command):
     examples:
       kpred train recognition chair.npz table.npz other.npz -o runs/recognizer
       kpred train recognition packs/*.npz -o runs/recognizer --optimisation.steps 10000
+      kpred train recognition packs/*.npz --room-packs rooms.npz -o runs/recognizer
     """
 
     packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
     """Mesh packs (.npz) of all categories and of other things; the splits source and train are used"""
+    room_packs: Annotated[tuple[Path, ...], arg(metavar="ROOMS [ROOMS ...]")] = ()
+    """Room packs (`kpred data rooms`): crops of them are half of what is trained with (--rooms says which fraction)"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")] = Path("runs/recognizer")
     """Run folder: checkpoint, TensorBoard log, weights in FOLDER/model"""
     device: Annotated[str, arg(metavar="DEVICE")] = "auto"
@@ -198,6 +201,7 @@ class RecognitionCommand(Command):
         """Train with a progress bar; print where the weights are."""
         from kpred.cli.progress import ProgressBar
         from kpred.shapes.pack import MeshPack
+        from kpred.synthetic.rooms.pack import RoomPack
         from kpred.training.recognition import train_recognizer
 
         if not self.packs:
@@ -224,6 +228,7 @@ class RecognitionCommand(Command):
                 self.resume,
                 start_from=self.start_from,
                 world=world,
+                rooms=[RoomPack.load(path) for path in self.room_packs],
             )
         if not world.is_first:
             return

@@ -31,6 +31,10 @@ class VisibilityCommand(Command):
 
     packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
     """Mesh packs (.npz) of all categories; the splits source and train are used"""
+    room_packs: Annotated[tuple[Path, ...], arg(metavar="ROOMS [ROOMS ...]")] = ()
+    """Room packs (`kpred data rooms`): crops of them are half of what is trained with (--rooms says which fraction)"""
+    start_from: Annotated[Path | None, arg(metavar="FOLDER")] = None
+    """Start with the weights of this visibility network"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")] = Path("runs/visibility")
     """Run folder: checkpoint, TensorBoard log, weights in FOLDER/model"""
     device: Annotated[str, arg(metavar="DEVICE")] = "auto"
@@ -45,6 +49,7 @@ class VisibilityCommand(Command):
         """Train with a progress bar; print where the weights are."""
         from kpred.cli.progress import ProgressBar
         from kpred.shapes.pack import MeshPack
+        from kpred.synthetic.rooms.pack import RoomPack
         from kpred.training.visibility import train_visibility
 
         if not self.packs:
@@ -61,7 +66,18 @@ class VisibilityCommand(Command):
                 bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
 
             packs = [MeshPack.load(path) for path in self.packs]
-            train_visibility(packs, self.training, self.output, device, bar.update, report, self.resume, world=world)
+            train_visibility(
+                packs,
+                self.training,
+                self.output,
+                device,
+                bar.update,
+                report,
+                self.resume,
+                world=world,
+                rooms=[RoomPack.load(path) for path in self.room_packs],
+                start_from=self.start_from,
+            )
         if not world.is_first:
             return
         seconds = time.perf_counter() - began

@@ -19,6 +19,7 @@ from kpred.errors import ConfigError
 from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MAX_YAW_CORRECTION, Recognizer, RecognizerConfig
 from kpred.shapes.pack import MeshPack
+from kpred.synthetic.rooms.pack import RoomPack
 from kpred.training.augmentation import (
     box_of,
     disturbed,
@@ -33,6 +34,7 @@ from kpred.training.distributed import ALONE, World
 from kpred.training.loop import StepReport, optimise, resumable
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import RecognitionData, prepare_recognition
+from kpred.training.room_crops import RoomCrops, prepare_crops, segmented
 from kpred.training.single_stage import SingleStage
 
 RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
@@ -44,8 +46,14 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
 
     name = "recognition"
 
-    def __init__(self, network: Recognizer, data: RecognitionData, config: RecognitionConfig) -> None:
-        self.network, self.data, self.config = network, data, config
+    def __init__(
+        self,
+        network: Recognizer,
+        data: RecognitionData,
+        config: RecognitionConfig,
+        crops: RoomCrops | None = None,
+    ) -> None:
+        self.network, self.data, self.config, self.crops = network, data, config, crops
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Loss terms of one random batch."""
@@ -63,9 +71,17 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         """Clouds (B, N, 3); answers (B,), -1 where none is taught; missing turns (B,), and where these are taught."""
         config, data, count = self.config, self.data, self.settings.batch
         options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
-        rows = data.draw(count, config.others, generator)
-        period = data.period[rows]
+        cut = 0 if self.crops is None else round(config.rooms * count)
+        rows = data.draw(count - cut, config.others, generator)
+        period, category = data.period[rows], data.category[rows]
         clouds = self._seen(rows, generator)
+        if self.crops is not None and cut:
+            chosen = self.crops.draw(cut, config.room_others, generator)
+            clouds = torch.cat([clouds, segmented(self.crops, chosen, config.points, generator)])
+            period, category = (
+                torch.cat([period, self.crops.period[chosen]]),
+                torch.cat([category, self.crops.category[chosen]]),
+            )
         factors = random_factors(count, config.stretch, generator)
         # A square or round top stays so.
         square = (period < 2.0)[:, None]
@@ -83,9 +99,9 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         clouds = clouds @ yaw_matrices(off).mT
         clouds = torch.where(tilted[:, None, None], clouds @ self._tilts(count, generator).mT, clouds)
         turn = -smallest_turn(off, period)
-        known = data.category[rows] < len(data.categories)
+        known = category < len(data.categories)
         stands = known & ~tilted
-        answer = torch.where(stands & (turn.abs() <= RIGHT), data.category[rows], len(data.categories))
+        answer = torch.where(stands & (turn.abs() <= RIGHT), category, len(data.categories))
         unsure = stands & (turn.abs() > RIGHT) & (turn.abs() < WRONG)
         answer = torch.where(unsure, -1, answer)
         return clouds, answer, turn, stands & (turn.abs() < MAX_YAW_CORRECTION * 0.9) & (period > 0)
@@ -143,12 +159,13 @@ def train_recognizer(
     model: RecognizerConfig | None = None,
     start_from: str | os.PathLike[str] | None = None,
     world: World = ALONE,
+    rooms: Sequence[RoomPack] = (),
 ) -> Recognizer:
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
 
     Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was. `start_from`
     is a recognizer's folder, whose weights the training starts with, and whose architecture is then the default.
-    `world`: as in `kpred.training.run.train`.
+    `world`: as in `kpred.training.run.train`. `rooms`: scanned rooms; crops of them are `config.rooms` of the clouds.
 
     Raises:
         ModelError: if there is no recognizer in `start_from`.
@@ -158,6 +175,9 @@ def train_recognizer(
         OutputError: if the folder cannot be written.
     """
     data = world.share(lambda: prepare_recognition(packs, config.seed, device, progress), device)
+    crops = None
+    if rooms:
+        crops = world.share(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
     earlier = None if start_from is None else load_recognizer(start_from)
     usual = RecognizerConfig() if earlier is None else earlier.config
     architecture = dataclasses.replace(model or usual, categories=data.categories)
@@ -174,7 +194,7 @@ def train_recognizer(
     checkpoint = resumable(folder, "recognition", known, config.to_dict(), where, world) if resume else None
     if checkpoint:
         network.load_state_dict(checkpoint.weights)
-    optimise(RecognitionStage(network, data, config), checkpoint, folder, where, 3, report, world=world)
+    optimise(RecognitionStage(network, data, config, crops), checkpoint, folder, where, 3, report, world=world)
     if not world.is_first:
         return network
     save_recognizer(network, folder / "model")
@@ -184,6 +204,7 @@ def train_recognizer(
         "start_from": None if start_from is None else str(start_from),
         "training": config.to_dict(),
         "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),
+        "crops": {} if crops is None else crops.numbers(),
     }
     with atomic_path(folder / "model" / "training.json") as temporary:
         temporary.write_text(json.dumps(record, indent=2) + "\n")

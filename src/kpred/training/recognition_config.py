@@ -21,6 +21,8 @@ class RecognitionConfig(SingleStageConfig):
         stretch: clouds are scaled per axis by up to this factor.
         noise, outliers: most jitter (unit box) and stray points (share) of a cloud.
         floor: share of clouds that stand on a piece of floor, of which cleaning may have left a part.
+        rooms: fraction of clouds that are crops of scanned rooms, where room packs are given.
+        room_others: fraction of the crops that are of no category.
         turn_weight: of the error of the turn, in units of `MAX_YAW_CORRECTION`.
     """
 
@@ -36,10 +38,13 @@ class RecognitionConfig(SingleStageConfig):
     noise: float = 0.012
     outliers: float = 0.02
     floor: float = 0.1
+    rooms: float = 0.5
+    room_others: float = 0.25
     turn_weight: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for shares in ((self.right, self.quarter, self.tilted), (self.sliced, self.whole), (self.others,)):
+        alone = ((share,) for share in (self.others, self.rooms, self.room_others))
+        for shares in ((self.right, self.quarter, self.tilted), (self.sliced, self.whole), *alone):
             if min(shares) < 0 or sum(shares) > 1:
                 raise ConfigError(f"Shares must not be negative or add up to more than 1, but are {shares}.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,27 +15,28 @@ from torch import Tensor
 from torch.nn import functional
 
 from kpred.atomic import atomic_path
-from kpred.nn.loading import save_visibility
+from kpred.errors import ConfigError
+from kpred.nn.loading import load_visibility, save_visibility
 from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
 from kpred.ops.typing import Float, Int
 from kpred.shapes.pack import MeshPack
+from kpred.synthetic.rooms.pack import RoomPack
 from kpred.training.augmentation import in_full_precision, random_factors, yaw_matrices
 from kpred.training.data import Progress
 from kpred.training.distributed import ALONE, World
 from kpred.training.loop import StepReport, optimise, resumable
+from kpred.training.room_crops import RoomCrops, prepare_crops
 from kpred.training.single_stage import SingleStage
 from kpred.training.visibility_config import VisibilityTraining
+from kpred.training.visibility_crops import BOX, draw_crop_scans
 from kpred.training.visibility_data import VisibilityData, prepare_visibility
-from kpred.training.visibility_scans import draw_kinds, draw_visible, sample_scans
+from kpred.training.visibility_scans import KINDS, draw_kinds, draw_visible, sample_scans
 
 YAW = math.radians(10.0)
 """Largest yaw of a scan that is about canonical."""
 
 CANDIDATES = 4
 """Surface points that a scan is sampled from, for each point of the largest scan."""
-
-BOX = 1.15
-"""Half side of the box of random places, in half sides of a shape's box."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,20 +57,32 @@ class VisibilityStage(SingleStage[VisibilityTraining]):
 
     name = "visibility"
 
-    def __init__(self, network: VisibilityNetwork, data: VisibilityData, config: VisibilityTraining) -> None:
-        self.network, self.data, self.config = network, data, config
+    def __init__(
+        self,
+        network: VisibilityNetwork,
+        data: VisibilityData,
+        config: VisibilityTraining,
+        crops: RoomCrops | None = None,
+    ) -> None:
+        self.network, self.data, self.config, self.crops = network, data, config, crops
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Compute the loss (nats a place) of one random batch."""
-        batch = draw_batch(self.data, self.config, generator)
+        batch = draw_batch(self.data, self.config, generator, self.crops)
         logits = self.network(batch.scans, batch.places)
         return {"visibility": functional.binary_cross_entropy_with_logits(logits.float(), batch.labels)}
 
 
 @in_full_precision
-def draw_batch(data: VisibilityData, config: VisibilityTraining, generator: torch.Generator) -> VisibilityBatch:
-    """Draw scans (about unit box) of random shapes by random scanners, and labelled places around them."""
-    count = config.optimisation.batch
+def draw_batch(
+    data: VisibilityData, config: VisibilityTraining, generator: torch.Generator, crops: RoomCrops | None = None
+) -> VisibilityBatch:
+    """Draw scans (about unit box) of random shapes by random scanners, and labelled places around them.
+
+    Of a batch, `config.rooms` are crops of rooms where there are any; they come last.
+    """
+    whole = config.optimisation.batch
+    count = whole if crops is None else whole - round(config.rooms * whole)
     options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
     rows, others = data.draw(count, generator)
     factors = random_factors(count, config.stretch, generator)
@@ -83,11 +97,16 @@ def draw_batch(data: VisibilityData, config: VisibilityTraining, generator: torc
     # Sizes of scans are spread evenly on a logarithmic scale.
     size = math.exp(float(torch.rand(1, **options)) * math.log(config.points / config.min_points)) * config.min_points
     scans = sample_scans(candidates, visible.candidates, round(size), config, generator)
-    near = YAW * (2 * torch.rand(count, **options) - 1)
-    anywhere = 2 * math.pi * torch.rand(count, **options)
-    yaw = torch.where(torch.rand(count, **options) < config.rotated, anywhere, near)
+    seen = visible.places
+    if crops is not None and whole > count:
+        cut = draw_crop_scans(crops, whole - count, scans.shape[1], config, generator)
+        scans, places, seen = (torch.cat(pair) for pair in ((scans, cut.scans), (places, cut.places), (seen, cut.seen)))
+        kind = torch.cat([kind, torch.full((whole - count,), KINDS.index("crop"), device=kind.device)])
+    near = YAW * (2 * torch.rand(whole, **options) - 1)
+    anywhere = 2 * math.pi * torch.rand(whole, **options)
+    yaw = torch.where(torch.rand(whole, **options) < config.rotated, anywhere, near)
     rotation = yaw_matrices(yaw).mT
-    return VisibilityBatch(scans @ rotation, places @ rotation, visible.places.float(), kind)
+    return VisibilityBatch(scans @ rotation, places @ rotation, seen.float(), kind)
 
 
 def _draw_places(own: Tensor, other: Tensor, config: VisibilityTraining, generator: torch.Generator) -> Tensor:
@@ -112,27 +131,41 @@ def train_visibility(
     resume: bool = True,
     model: VisibilityConfig | None = None,
     world: World = ALONE,
+    rooms: Sequence[RoomPack] = (),
+    start_from: str | os.PathLike[str] | None = None,
 ) -> VisibilityNetwork:
     """Train a visibility network on shapes of all packs and leave its weights in `folder/model`.
 
-    A stopped run goes on exactly where it was. `world`: as in `kpred.training.run.train`.
+    A stopped run goes on exactly where it was. `world`: as in `kpred.training.run.train`. `rooms`: scanned rooms; crops
+    of them are `config.rooms` of the scans. `start_from`: a visibility network's folder, whose weights the training
+    starts with, and whose architecture is then the default.
 
     Raises:
+        ModelError: if there is no visibility network in `start_from`.
+        ConfigError: if it is of another architecture.
         PackError: if the packs hold too few shapes.
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
     """
     data = world.share(lambda: prepare_visibility(packs, config.seed, device, progress), device)
-    architecture = model or VisibilityConfig()
+    crops = None
+    if rooms:
+        crops = world.share(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
+    earlier = None if start_from is None else load_visibility(start_from)
+    architecture = model or (VisibilityConfig() if earlier is None else earlier.config)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         network = VisibilityNetwork(architecture).to(device)
+    if earlier is not None:
+        if earlier.config != architecture:
+            raise ConfigError(f"{start_from} holds another kind of visibility network; give the same settings.")
+        network.load_state_dict(earlier.state_dict())
     where = data.clouds.device
     known = architecture.to_dict()
     checkpoint = resumable(folder, "visibility", known, config.to_dict(), where, world) if resume else None
     if checkpoint:
         network.load_state_dict(checkpoint.weights)
-    optimise(VisibilityStage(network, data, config), checkpoint, folder, where, 4, report, world=world)
+    optimise(VisibilityStage(network, data, config, crops), checkpoint, folder, where, 4, report, world=world)
     if not world.is_first:
         return network
     save_visibility(network, folder / "model")
@@ -140,7 +173,9 @@ def train_visibility(
     record = {
         "model": known,
         "training": config.to_dict(),
+        "start_from": None if start_from is None else str(start_from),
         "shapes": dict(zip(data.categories, numbers, strict=True)),
+        "crops": {} if crops is None else crops.numbers(),
     }
     with atomic_path(folder / "model" / "training.json") as temporary:
         temporary.write_text(json.dumps(record, indent=2) + "\n")

@@ -26,6 +26,7 @@ class VisibilityTraining(SingleStageConfig):
         density: greatest amplitude of the waves (logarithm of the density) that make the sampling uneven.
         noise, outliers: greatest jitter (unit box) and fraction of stray points of a scan.
         misplaced: greatest jitter (unit box) of places on surfaces.
+        rooms: fraction of scans that are crops of scanned rooms, where room packs are given.
         rotated: fraction of scans at any yaw; the others are rotated by up to 10 degrees.
     """
 
@@ -45,12 +46,15 @@ class VisibilityTraining(SingleStageConfig):
     outliers: float = 0.02
     misplaced: float = 0.05
     rotated: float = 0.25
+    rooms: float = 0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
         kinds = (self.whole, self.sliced, self.viewed)
         if min(kinds) < 0 or sum(kinds) > 1:
             raise ConfigError(f"Fractions must not be negative or add up to more than 1, but are {kinds}.")
+        if not 0 <= self.rooms < 1:
+            raise ConfigError(f"The fraction of crops of rooms must lie in [0, 1), but is {self.rooms}.")
         if not 64 <= self.min_points <= self.points:
             raise ConfigError(
                 f"Scans need from 64 to `points` = {self.points} points, but min_points = {self.min_points}."

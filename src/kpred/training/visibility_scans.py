@@ -15,8 +15,8 @@ from kpred.ops.typing import Bool, Float, Int
 from kpred.training.augmentation import RESOLUTION, box_of, disturbed
 from kpred.training.visibility_config import VisibilityTraining
 
-KINDS = ("whole", "sliced", "one view", "merged views")
-"""Names of the kinds of scans, in the order of their indices."""
+KINDS = ("whole", "sliced", "one view", "merged views", "crop")
+"""Names of the kinds of scans, in the order of their indices; a crop is cut from a scanned room."""
 
 WAVE_NUMBER = 3.0
 """Standard deviation of the wave numbers (radians per unit) of an uneven density."""

@@ -70,7 +70,7 @@ def test_crossing_furniture_would_be_noticed(rooms: list[Room]) -> None:
 
 
 def _cross(one: RoomObject, other: RoomObject) -> bool:
-    """Whether surfaces cross: then points of both lie together at the crossing; things that touch lie a little apart."""
+    """Whether surfaces cross: then points of both lie together at the crossing; what touches lies a little apart."""
     ends = [item.placed_vertices() for item in (one, other)]
     low = np.max([vertices.min(axis=0) for vertices in ends], axis=0)
     high = np.min([vertices.max(axis=0) for vertices in ends], axis=0)

@@ -157,7 +157,7 @@ def island(room: Arrangement, count: int) -> list[RoomObject]:
 def lounge(room: Arrangement, wall: Wall) -> list[RoomObject]:
     """Stand a sofa against or before a wall, a low table in front of it, armchairs around."""
     rng = room.rng
-    found = []
+    found: list[RoomObject] = []
     sofa = room.draw("sofa")
     gap = 0.05 if happens(rng, 0.6) else between(rng, 0.3, 1.2)
     place = room.against_wall("sofa", sofa, wall, between(rng, -0.3, 0.3) * wall.length, gap=gap)

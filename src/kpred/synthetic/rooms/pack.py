@@ -108,7 +108,7 @@ class RoomPack:
         """
         arrays = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         with atomic_path(path) as temporary, open(temporary, "xb") as stream:
-            np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+            np.savez_compressed(stream, **arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> RoomPack:

@@ -1,0 +1,175 @@
+"""Training clouds cut from scanned rooms as a segmentation cuts them: pieces missing, pieces of neighbours left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from kpred.errors import PackError
+from kpred.ops.occlusion import random_directions
+from kpred.ops.typing import Bool, Float, Int
+from kpred.synthetic.rooms.pack import GRID, SURFACE_POINTS, UNIT, RoomPack
+from kpred.training.data import Progress
+from kpred.training.recognition_data import AT_ONCE, OTHER, turn_periods
+
+OWN_POINTS, NEAR_POINTS = 640, 192
+"""Points of an object, and of what is around it, that are kept of a crop; they repeat where there are fewer."""
+
+MIN_POINTS = 60
+"""Objects with fewer points are no crops."""
+
+MARGIN = 0.12
+"""Metres around an object's points within which points of others may be taken for its own."""
+
+UNDECIDABLE = ("box", "computer")
+"""Other things that nobody can tell from cabinets when size is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoomCrops:
+    """Crops of scanned rooms, each in the unit box and the canonical frame (y up, front +z) of its whole object.
+
+    Attributes:
+        categories: names; `category` (C,) is an index into them, or their number for other things.
+        period: (C,) as in `kpred.training.recognition_data.RecognitionData`; 0 for other things.
+        own: (C, OWN_POINTS, 3) points of the object, in random order, half precision.
+        near: (C, NEAR_POINTS, 3) points of what is around it; has_near (C,): whether there are any.
+        surface: (C, SURFACE_POINTS, 3) points of the whole surface, half precision; seen: whether the scanner saw them.
+        grid: (C, GRID, GRID, GRID) bool: whether surface at a node would have been seen.
+    """
+
+    categories: tuple[str, ...]
+    category: Int[Tensor, " crops"]
+    period: Float[Tensor, " crops"]
+    own: Float[Tensor, "crops own 3"]
+    near: Float[Tensor, "crops near 3"]
+    has_near: Bool[Tensor, " crops"]
+    surface: Float[Tensor, "crops surface 3"]
+    seen: Bool[Tensor, "crops surface"]
+    grid: Bool[Tensor, "crops x y z"]
+
+    def numbers(self) -> dict[str, int]:
+        """How many crops of each category and of other things there are."""
+        counts = torch.bincount(self.category, minlength=len(self.categories) + 1).tolist()
+        return dict(zip((*self.categories, OTHER), counts, strict=True))
+
+    def draw(self, count: int, others: float, generator: torch.Generator) -> Int[Tensor, " count"]:
+        """Draw random crops: categories equally often, other things with probability `others`."""
+        known = len(self.categories)
+        number = torch.bincount(self.category, minlength=known + 1)
+        share = torch.full((known + 1,), (1 - others) / known, device=self.own.device)
+        share[known] = others
+        chance = (torch.where(number > 0, share, 0.0) / number.clamp(min=1))[self.category]
+        return torch.multinomial(chance, count, replacement=True, generator=generator)
+
+
+def prepare_crops(
+    packs: Sequence[RoomPack],
+    categories: Sequence[str],
+    seed: int,
+    device: torch.device | str = "cpu",
+    progress: Progress | None = None,
+) -> RoomCrops:
+    """Cut every furniture and every large other thing out of scanned rooms.
+
+    Raises:
+        PackError: if there is no crop of one of the categories.
+    """
+    rng = np.random.default_rng(seed)
+    names = tuple(categories)
+    columns: list[tuple[Any, ...]] = []
+    total, done = sum(len(pack) for pack in packs), 0
+    for pack in packs:
+        for index in range(len(pack)):
+            columns += _crops_of_room(pack, index, names, rng)
+            done += 1
+            if progress:
+                progress("cutting crops", done, total)
+    found = {names[kind] for kind, *_ in columns if kind < len(names)}
+    if missing := sorted(set(names) - found):
+        raise PackError(f"The room packs hold no crop of {', '.join(missing)}; give packs with more rooms.")
+    kind, own, near, has_near, surface, seen, grid = zip(*columns, strict=True)
+    kinds = torch.tensor(kind, device=device)
+    surfaces = torch.from_numpy(np.stack(surface)).to(device)
+    periods = [turn_periods(*part.float().chunk(2, dim=1)) for part in surfaces.split(AT_ONCE)]
+    return RoomCrops(
+        names,
+        kinds,
+        torch.where(kinds < len(names), torch.cat(periods), 0.0),
+        torch.from_numpy(np.stack(own)).to(device),
+        torch.from_numpy(np.stack(near)).to(device),
+        torch.tensor(has_near, device=device),
+        surfaces,
+        torch.from_numpy(np.stack(seen)).to(device),
+        torch.from_numpy(np.stack(grid)).to(device),
+    )
+
+
+def _crops_of_room(
+    pack: RoomPack, index: int, names: tuple[str, ...], rng: np.random.Generator
+) -> list[tuple[Any, ...]]:
+    points, instance, objects = pack.room(index)
+    found = []
+    for number, row in enumerate(range(objects.start, objects.stop)):
+        category, line = str(pack.category[row]), int(pack.surface_row[row])
+        if line < 0 or category not in (*names, OTHER) or str(pack.name[row]) in UNDECIDABLE:
+            continue
+        mine = points[instance == number]
+        if len(mine) < MIN_POINTS:
+            continue
+        low, high = mine.min(axis=0) - MARGIN, mine.max(axis=0) + MARGIN
+        around = points[(instance != number) & ((points >= low) & (points <= high)).all(axis=1)]
+        pose, box = pack.pose[row], pack.box[row]
+        middle, half = box.mean(axis=0), float(np.ptp(box, axis=0).max()) / 2
+
+        def canonical(cloud: np.ndarray, pose: np.ndarray = pose, middle: Any = middle, half: float = half) -> Any:
+            return (((cloud - pose[:3, 3]) @ pose[:3, :3] - middle) / half).astype(np.float16)
+
+        surface = ((pack.surface[line].astype(np.float32) * UNIT - middle) / half).astype(np.float16)
+        seen = np.unpackbits(pack.seen[line]).astype(bool)[:SURFACE_POINTS]
+        grid = np.unpackbits(pack.grid[line])[: GRID**3].astype(bool).reshape(GRID, GRID, GRID)
+        near = _resized(around, NEAR_POINTS, rng) if len(around) else np.zeros((NEAR_POINTS, 3), np.float32)
+        kind = names.index(category) if category in names else len(names)
+        own = canonical(_resized(mine, OWN_POINTS, rng))
+        found.append((kind, own, canonical(near), len(around) > 0, surface, seen, grid))
+    return found
+
+
+def _resized(cloud: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, 3) points in random order; they repeat where there are fewer."""
+    return np.asarray(cloud[np.resize(rng.permutation(len(cloud)), count)])
+
+
+def segmented(
+    crops: RoomCrops, rows: Int[Tensor, " batch"], count: int, generator: torch.Generator, strength: float = 1.0
+) -> Float[Tensor, "batch count 3"]:
+    """Draw crops as a segmentation gives them, unit box of the whole object; points repeat where there are few.
+
+    Half of them miss a piece (what lies beyond a plane, or around a point: up to 45 % of the points); three of four
+    have connected pieces of neighbours, floor or wall, up to 15 % of their points. `strength` scales both.
+    """
+    options: dict[str, Any] = {"generator": generator, "device": crops.own.device}
+    batch = len(rows)
+    own, near = crops.own[rows].float(), crops.near[rows].float()
+    cut, kind, has_piece, share = torch.rand(4, batch, 1, **options)
+    height = (own * random_directions(batch, generator, own.device)[:, None]).sum(2)
+    pivot = torch.randint(0, own.shape[1], (batch,), **options)
+    nearness = -(own - own[torch.arange(batch, device=own.device), pivot][:, None]).norm(dim=2)
+    order = torch.where(kind < 0.5, height, nearness).argsort(dim=1).argsort(dim=1)
+    missing = torch.where(cut < 0.5, 0.9 * cut * strength, 0.0) * own.shape[1]
+    # The points that count highest are missing.
+    keep = order < own.shape[1] - missing
+    anchor = torch.randint(0, near.shape[1], (batch,), **options)
+    away = (near - near[torch.arange(batch, device=own.device), anchor][:, None]).norm(dim=2)
+    allowed = torch.where(has_piece < 0.75, 0.15 * share * strength, 0.0) * keep.sum(1, keepdim=True)
+    piece = (away.argsort(dim=1).argsort(dim=1) < allowed) & crops.has_near[rows][:, None]
+    cloud, valid = torch.cat([own, near], dim=1), torch.cat([keep, piece], dim=1)
+    chance = torch.where(valid, torch.rand(valid.shape, **options), -1.0)
+    chosen = chance.topk(min(count, chance.shape[1]), dim=1).indices
+    slot = torch.arange(count, device=own.device)[None] % valid.sum(1, keepdim=True).clamp(1, chosen.shape[1])
+    return torch.gather(cloud, 1, torch.gather(chosen, 1, slot)[..., None].expand(-1, -1, 3))
