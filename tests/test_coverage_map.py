@@ -82,11 +82,13 @@ COVERED_BY = {
     "synthetic/*/*.py": "synthetic/test_families.py",
     "synthetic/coarse/*.py": "synthetic/test_coarse.py",
     "synthetic/others/*.py": "synthetic/test_others.py",
+    "synthetic/rooms/*.py": "synthetic/rooms/test_rooms.py",
     "training/ablation_weights.py": "training/test_ablations.py",
     "training/config.py": "training/test_run.py",
     "training/recognition_*.py": "training/test_recognition.py",
     "training/single_stage.py": "training/test_stages.py",
     "training/visibility_*.py": "training/test_visibility.py",
+    "training/visibility_crops.py": "training/test_room_crops.py",
 }
 """Pattern of source files without a test of their name -> the test that covers them; a later line stands over an
 earlier one."""
