@@ -196,13 +196,13 @@ def test_a_result_above_the_floor_comes_with_a_warning(tables: kpred.Database, d
 
 
 def test_the_same_scan_gives_the_same_bits_on_any_number_of_threads(tables: kpred.Database, desk: np.ndarray) -> None:
-    threads, found = numba.get_num_threads(), []
+    threads, found = torch.get_num_threads(), []
     try:
         for count in (1, 1, numba.config.NUMBA_NUM_THREADS):
-            numba.set_num_threads(count)
+            torch.set_num_threads(count)
             found.append(_fit(desk, tables))
     finally:
-        numba.set_num_threads(threads)
+        torch.set_num_threads(threads)
     scores = [[(one.model_id, one.step, one.score) for one in fit.candidates] for fit in found]
     for fit, each in zip(found[1:], scores[1:], strict=True):
         np.testing.assert_array_equal(fit.mesh.vertices, found[0].mesh.vertices)

@@ -2,7 +2,6 @@
 
 import multiprocessing
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -87,7 +86,7 @@ def test_the_curve_visits_every_cell_and_always_goes_to_a_neighbour() -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_threads_share_the_work_and_not_the_result(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worksharing, "WORTH", 1000)
-    monkeypatch.setattr(numba, "get_num_threads", lambda: threads)
+    monkeypatch.setattr(worksharing, "thread_count", lambda: threads)
     generator = np.random.default_rng(3)
     query, reference = _surface(generator, (3, 1000)), _surface(generator, (3, 900))
     found, plain = nearest_cpu(query, reference), nearest_reference(torch.tensor(query), torch.tensor(reference))
@@ -95,7 +94,7 @@ def test_threads_share_the_work_and_not_the_result(threads: int, monkeypatch: py
 
 
 def test_every_job_is_done_once_and_errors_come_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(numba, "get_num_threads", lambda: 3)
+    monkeypatch.setattr(worksharing, "thread_count", lambda: 3)
     done = np.zeros(10, dtype=int)
 
     def kernel(first: int, last: int) -> None:
@@ -110,7 +109,7 @@ def test_every_job_is_done_once_and_errors_come_out(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork here")
 def test_a_forked_child_makes_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(numba, "get_num_threads", lambda: 2)
+    monkeypatch.setattr(worksharing, "thread_count", lambda: 2)
     worksharing.parallel_for(lambda first, last: None, 4, 4 * worksharing.WORTH)
     context = multiprocessing.get_context("fork")
     child = context.Process(target=worksharing.parallel_for, args=(lambda first, last: None, 4, 4 * worksharing.WORTH))

@@ -3,17 +3,17 @@
 import threading
 import time
 
-import numba
 import numpy as np
 import pytest
 
+from kpred.ops import worksharing
 from kpred.ops.worksharing import WORTH, parallel_for
 
 
 @pytest.fixture(params=[1, 2, 5])
 def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    """As many as numba says, though the machine may have fewer processors."""
-    monkeypatch.setattr(numba, "get_num_threads", lambda: request.param)
+    """As many as are asked for, though the machine may have fewer processors."""
+    monkeypatch.setattr(worksharing, "thread_count", lambda: request.param)
     return int(request.param)
 
 

@@ -71,14 +71,10 @@ class Outcome:
 
 
 def single_threaded() -> None:
-    """One thread for this process: workers share the cores, and compiled threads wait busily."""
+    """Use one thread in this process, of torch and of compiled kernels: workers share the cores."""
     import torch
 
     torch.set_num_threads(1)
-    with suppress(ImportError):
-        import numba
-
-        numba.set_num_threads(1)
 
 
 def fit_tasks(tasks: Sequence[Task], settings: BatchSettings, out: str, device: str = "cpu") -> list[Outcome]:

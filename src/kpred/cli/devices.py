@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 from kpred.errors import ConfigError
 
 
 def limit_threads(number: int) -> None:
-    """Of torch and of the compiled kernels: threads beyond the cores that are free wait for each other, busily.
+    """Limit the threads of torch and of compiled kernels: those beyond the free cores wait for each other, busily.
 
     Raises:
         ConfigError: if it is below 1.
@@ -18,10 +16,6 @@ def limit_threads(number: int) -> None:
     if number < 1:
         raise ConfigError(f"Training needs at least 1 thread, but --threads is {number}.")
     torch.set_num_threads(number)
-    with suppress(ImportError):  # numba is absent on machines that only train
-        import numba
-
-        numba.set_num_threads(min(number, numba.config.NUMBA_NUM_THREADS))
 
 
 def found_device(name: str) -> str:

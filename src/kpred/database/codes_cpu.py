@@ -8,6 +8,7 @@ one instruction (psadbw on x86). `kpred.database.codes.bounds_reference` is the 
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, no_type_check
 
 import numba
@@ -15,6 +16,8 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+
+from kpred.ops.worksharing import SLICES, parallel_for, thread_count
 
 LANES = 64
 """Bytes compared at once; tokens are padded to whole multiples of it."""
@@ -73,14 +76,13 @@ def _keep(heap, value):
     return largest
 
 
-@numba.njit(parallel=True, cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 @no_type_check
-def _bounds(codes, errors, query, order, step, unit, outside, slack, heaps, limits, lower):
+def _bounds(codes, errors, query, order, step, unit, outside, slack, heap, limits, slot, lower, start, end):
     planes, group, size = query.shape
     flat = query.reshape(planes * group * size)
     count = len(lower)
-    for block in numba.prange((count + BLOCK - 1) // BLOCK):
-        thread = numba.get_thread_id()
+    for block in range(start, end):
         first = block * BLOCK
         alive = min(BLOCK, count - first)
         rows = np.empty(BLOCK, np.int64)
@@ -110,8 +112,8 @@ def _bounds(codes, errors, query, order, step, unit, outside, slack, heaps, limi
                 break
         for i in range(alive):
             lower[rows[i]] = low[i]
-            if high[i] < limits[thread]:
-                limits[thread] = _keep(heaps[thread], high[i])
+            if high[i] < limits[slot]:
+                limits[slot] = _keep(heap, high[i])
 
 
 def bounds_cpu(
@@ -134,19 +136,26 @@ def bounds_cpu(
             distance of the query from the codes' range, error of the query's own codes.
         lower: (M,) float32, filled with the bounds; infinity where the pass gave a model up.
     """
-    threads = numba.get_num_threads()
-    heaps = np.full((threads, top_k), np.inf)
-    limits = np.full(threads, np.inf)
-    _bounds(codes, errors, query, order, *factors, heaps, limits, lower)
-    best = heaps.ravel()
-    return float(np.partition(best, top_k - 1)[top_k - 1])
+    blocks = (len(lower) + BLOCK - 1) // BLOCK
+    slots = SLICES * thread_count()
+    heaps = np.full((slots, top_k), np.inf)
+    free = itertools.count()
+    # A slice uses the limits that the others have found so far.
+    limits = np.full(slots, np.inf)
+
+    def some(first: int, last: int) -> None:
+        slot = next(free)
+        _bounds(codes, errors, query, order, *factors, heaps[slot], limits, slot, lower, first, last)
+
+    parallel_for(some, blocks, len(lower) * query.size)
+    return float(np.partition(heaps.ravel(), top_k - 1)[top_k - 1])
 
 
-@numba.njit(parallel=True, cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 @no_type_check
-def _encode(tokens, lowest, step, unit, codes, errors):
-    count, keypoints, size = tokens.shape
-    for i in numba.prange(count):
+def _encode(tokens, lowest, step, unit, codes, errors, first, last):
+    _, keypoints, size = tokens.shape
+    for i in range(first, last):
         for k in range(keypoints):
             missed = 0.0
             for c in range(size):
@@ -163,5 +172,6 @@ def encode_cpu(
     """Codes (M, K, C) and errors (M, K), uint8, of (M, K, C) float32; lowest (K, C), step and unit (K,) float64."""
     codes = np.empty(tokens.shape, np.uint8)
     errors = np.empty(tokens.shape[:2], np.uint8)
-    _encode(np.ascontiguousarray(tokens, dtype=np.float32), lowest, step, unit, codes, errors)
+    arrays = np.ascontiguousarray(tokens, dtype=np.float32), lowest, step, unit, codes, errors
+    parallel_for(lambda first, last: _encode(*arrays, first, last), len(tokens), 4 * tokens.size)
     return codes, errors

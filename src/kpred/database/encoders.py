@@ -7,7 +7,6 @@ import multiprocessing
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -102,10 +101,6 @@ _networks: dict[str, KPRed] = {}
 
 def _begin(networks: dict[str, KPRed]) -> None:
     torch.set_num_threads(1)
-    with suppress(ImportError):
-        import numba
-
-        numba.set_num_threads(1)
     _networks.update(networks)
 
 

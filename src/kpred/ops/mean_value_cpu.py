@@ -11,13 +11,15 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from kpred.ops.worksharing import parallel_for
 
-@numba.njit(parallel=True, cache=True)
+
+@numba.njit(cache=True, nogil=True)
 @no_type_check
-def _coordinates(points, cage, faces, weights):
-    batch, count, _ = points.shape
+def _coordinates(points, cage, faces, weights, start, end):
+    count = points.shape[1]
     vertices = cage.shape[1]
-    for job in numba.prange(batch * count):
+    for job in range(start, end):
         b, p = job // count, job % count
         direction = np.empty((vertices, 3))
         distance = np.empty(vertices)
@@ -84,5 +86,7 @@ def _coordinates(points, cage, faces, weights):
 def mean_value_cpu(points: np.ndarray, cage: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Coordinates (B, N, V) float64 of points (B, N, 3) in cages (B, V, 3) with faces (F, 3)."""
     weights = np.zeros((*points.shape[:2], cage.shape[1]))
-    _coordinates(points.astype(np.float64), cage.astype(np.float64), faces.astype(np.int64), weights)
+    arrays = points.astype(np.float64), cage.astype(np.float64), faces.astype(np.int64), weights
+    jobs = weights.shape[0] * weights.shape[1]
+    parallel_for(lambda first, last: _coordinates(*arrays, first, last), jobs, 20 * jobs * len(faces))
     return weights

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numba
+import torch
 
 WORTH = 2_000_000
 """Elementary steps of a kernel (some 0.3 ms) below which waking another thread takes longer than it saves."""
@@ -23,8 +24,16 @@ SLICES = 4
 _pool: ThreadPoolExecutor | None = None
 
 
+def thread_count() -> int:
+    """Return how many threads a kernel may use: as many as torch, which follows `OMP_NUM_THREADS`.
+
+    Numba is not asked: its thread pool would start, and set the number of OpenMP's threads anew.
+    """
+    return max(1, min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))
+
+
 def parallel_for(kernel: Callable[[int, int], None], jobs: int, steps: int) -> None:
-    """`kernel(first, last)` for slices that make up range(jobs), on as many threads as numba is set to use.
+    """`kernel(first, last)` for slices that make up range(jobs), on as many threads as `thread_count` says.
 
     Whoever is free takes the next slice: a thread that wakes late, or not at all, keeps nobody waiting.
 
@@ -32,7 +41,7 @@ def parallel_for(kernel: Callable[[int, int], None], jobs: int, steps: int) -> N
         jobs: independent of one another.
         steps: elementary steps of all jobs together, such as distances; few stay in the calling thread.
     """
-    threads = min(numba.get_num_threads(), jobs, max(1, 2 * steps // WORTH))
+    threads = min(thread_count(), jobs, max(1, 2 * steps // WORTH))
     if threads <= 1:
         kernel(0, jobs)
         return
@@ -65,11 +74,13 @@ def _threads() -> ThreadPoolExecutor:
     return _pool
 
 
-def _forget() -> None:
+def _use_one_thread() -> None:
     global _pool
     _pool = None
+    torch.set_num_threads(1)
 
 
-# A forked child has none of its parent's threads.
+# A forked child has none of its parent's threads: those of the pool must be made anew, and OpenMP would wait for its
+# own for ever.
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget)
+    os.register_at_fork(after_in_child=_use_one_thread)

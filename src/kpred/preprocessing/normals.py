@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kpred.ops.typing import Float, Int
+from kpred.ops.worksharing import thread_count
 
 
 def estimate_normals(
@@ -26,7 +27,7 @@ def estimate_normals(
     if len(points) < 4:
         return np.tile([0.0, 0.0, 1.0], (len(queries), 1)), np.zeros(len(queries))
     tree = cKDTree(points, balanced_tree=False)
-    _, index = tree.query(queries, k=min(neighbours, len(points)), workers=numba.get_num_threads())
+    _, index = tree.query(queries, k=min(neighbours, len(points)), workers=thread_count())
     return neighbour_normals(points, index)
 
 

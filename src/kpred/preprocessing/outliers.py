@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from kpred.ops.typing import Bool, Float, Int
+from kpred.ops.worksharing import thread_count
 
 NEIGHBOURS = 8
 RANK = 5
@@ -54,7 +54,7 @@ class Neighbourhood:
 def neighbourhood(points: Float[np.ndarray, "points 3"]) -> Neighbourhood:
     """Compute the neighbourhood of at least ten points (N, 3)."""
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    distance, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=numba.get_num_threads())
+    distance, index = tree.query(points, k=min(NEIGHBOURS + 1, len(points)), workers=thread_count())
     reach = distance[:, min(RANK, distance.shape[1] - 1)]
     middle = index.shape[1] // 2
     local = np.partition(reach[index[:, 1:]], middle - 1, axis=1)[:, middle - 1]

@@ -1,0 +1,90 @@
+"""Models and databases named by a path are kept in memory, as long as the same files are there."""
+
+import gc
+import os
+import shutil
+import weakref
+from pathlib import Path
+
+import pytest
+import torch
+
+from kpred.database import Database
+from kpred.errors import DatabaseError, ModelError
+from kpred.fitting.defaults import LOADED, as_database, as_model, bundled_database_path, shared_categories
+from kpred.fitting.file_cache import FileCache
+from kpred.nn import KPRed, ModelConfig, load_model, save_network
+
+
+def network(seed: int) -> KPRed:
+    torch.manual_seed(seed)
+    return KPRed(ModelConfig(width=16, token_size=8, region_points=16))
+
+
+def test_the_same_files_are_loaded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    save_network(network(0), tmp_path / "model")
+    Database.create(tmp_path / "one.kpred").close()
+    monkeypatch.chdir(tmp_path)
+    assert as_model("model") is as_model("model")
+    assert as_database("one.kpred") is as_database(tmp_path / "one.kpred")
+    assert as_model(None) is as_model(None) and as_database(None) is as_database(None)
+    given = load_model("model")
+    assert as_model(given) is given
+
+
+def test_retrained_weights_are_noticed(tmp_path: Path) -> None:
+    folder = tmp_path / "model"
+    save_network(network(0), folder)
+    before = as_model(folder)
+    save_network(network(1), folder)
+    after = as_model(folder)
+    assert after["chair"].fingerprint() != before["chair"].fingerprint()
+    assert as_model(folder) is after
+    (folder / "calibration.json").write_text("{")
+    with pytest.raises(ModelError, match=r"calibration\.json is damaged"):
+        as_model(folder)
+
+
+def test_the_same_name_in_another_folder_is_another_thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for number in (0, 1):
+        place = tmp_path / str(number)
+        save_network(network(number), place / "model")
+        Database.create(place / "one.kpred").close()
+        monkeypatch.chdir(place)
+        found.append((as_model("model"), as_database("one.kpred")))
+    assert found[0][0]["chair"].fingerprint() != found[1][0]["chair"].fingerprint()
+    assert found[0][1] is not found[1][1]
+
+
+def test_a_database_that_took_the_place_of_another_is_noticed(tmp_path: Path) -> None:
+    file = tmp_path / "one.kpred"
+    Database.create(file).close()
+    assert as_database(file).categories() == ()
+    shutil.copy(bundled_database_path(), tmp_path / "other.kpred")
+    os.replace(tmp_path / "other.kpred", file)
+    assert as_database(file).categories() == ("cabinet", "chair", "table")
+    file.unlink()
+    with pytest.raises(DatabaseError, match="does not exist"):
+        as_database(file)
+
+
+def test_weights_that_were_checked_are_not_kept_alive(tmp_path: Path) -> None:
+    model, database = load_model(), Database.open(bundled_database_path(), read_only=True)
+    shared_categories(model, database, None)
+    gone = weakref.ref(model), weakref.ref(database)
+    del model, database
+    gc.collect()
+    assert gone[0]() is None and gone[1]() is None
+
+
+def test_few_models_are_kept() -> None:
+    cache: FileCache[object] = FileCache(LOADED)
+    first = cache.get("first", 0, object)
+    for number in range(LOADED - 1):
+        cache.get(number, 0, object)
+    assert cache.get("first", 0, object) is first
+    cache.get("one more", 0, object)
+    assert len(cache) == LOADED
+    assert cache.get("first", 0, object) is first
+    assert cache.get("first", 1, object) is not first
