@@ -18,7 +18,7 @@ import numpy as np
 
 import kpred
 from kpred.errors import KpredError
-from kpred.fitting.defaults import as_model
+from kpred.fitting.defaults import resolve_model
 from kpred.nn import Model
 from kpred.scenes.scene import read_scene
 
@@ -84,7 +84,7 @@ def main() -> None:
     parser.add_argument("--model", default=None, help="a model's name or folder; without it, the bundled one")
     parser.add_argument("-o", "--output", type=Path, default=None)
     options = parser.parse_args()
-    model = as_model(options.model)
+    model = resolve_model(options.model)
     rows = [measure(*instance, model) for instance in instances(options.folder)]
     print("\n".join(summary(rows)))
     if options.output is not None:

@@ -43,7 +43,7 @@ from kpred.training.loop import optimise
 from kpred.training.run import new_network
 from kpred.training.stages import STAGE_CLASSES
 
-SHARES = {"deformation": 0.34, "retrieval": 0.32, "partial": 0.34}
+FRACTIONS = {"deformation": 0.34, "retrieval": 0.32, "partial": 0.34}
 """Of the time that is left after the data are prepared; all rows have the second stage, so that its steps are slow."""
 
 PROBE, SETTLE = 30, 6
@@ -239,7 +239,7 @@ def with_steps(job: Job, config: TrainConfig, stage: str, a_step: float) -> Trai
         # The first process to come here decides, and all others read what it decided.
         later = order[order.index(stage) :]
         left = (
-            (job.end - time.monotonic() - SETTING_UP * len(later)) * SHARES[stage] / sum(SHARES[name] for name in later)
+            (job.end - time.monotonic() - SETTING_UP * len(later)) * FRACTIONS[stage] / sum(FRACTIONS[name] for name in later)
         )
         mine = max(PROBE, int((left - PROBE * a_step) / max(a_step, 1e-6) * SAFETY))
         try:

@@ -45,7 +45,7 @@ from kpred.training.recognition_data import prepare_recognition
 from kpred.training.run import new_network
 from kpred.training.stages import STAGE_CLASSES
 
-SHARES = {"deformation": 0.35, "retrieval": 0.2, "partial": 0.45}
+FRACTIONS = {"deformation": 0.35, "retrieval": 0.2, "partial": 0.45}
 """Of the time that is left after the data are prepared."""
 
 PROBE, SETTLE = 40, 10
@@ -102,8 +102,8 @@ def train_category(
     began = time.monotonic()
     data = prepare(packs, network, config.points, config.seed, device, batch=64)
     _say(folder, f"{len(data.targets)} shapes, prepared in {time.monotonic() - began:.0f} s")
-    shares = dict(SHARES)
-    for stage in SHARES:
+    shares = dict(FRACTIONS)
+    for stage in FRACTIONS:
         seconds = (end - time.monotonic()) * shares[stage] / sum(shares.values())
         del shares[stage]
         a_step = _seconds_a_step(network, data, config, stage)
@@ -119,7 +119,7 @@ def train_category(
         _say(folder, f"{stage}: {losses}")
         record = {
             "model": model.to_dict(),
-            "stages": [name for name in SHARES if name not in shares],
+            "stages": [name for name in FRACTIONS if name not in shares],
             "start_from": start_from,
             "training": config.to_dict(),
             "shapes": {"packs": [len(p) for p in packs], "sources": len(data.sources), "targets": len(data.targets)},
@@ -132,7 +132,7 @@ def finer(config: TrainConfig) -> TrainConfig:
     """Settings by which finished weights are trained on: smaller steps, and nothing of how a training begins."""
     stages = {
         stage: dataclasses.replace(getattr(config, stage), learning_rate=FINE_RATE, schedule="cosine")
-        for stage in SHARES
+        for stage in FRACTIONS
     }
     return dataclasses.replace(config, warmup=0, late_step=0, **stages)
 

@@ -106,7 +106,7 @@ def _beside(target: Path) -> Path:
 
 @contextmanager
 def _named(target: Path, temporary: Path) -> Iterator[None]:
-    """What goes wrong with a temporary file is told of the file that it stands for."""
+    """Attribute errors about a temporary file to its final name."""
     try:
         yield
     except OutputError as error:

@@ -1,4 +1,4 @@
-"""Errors a user can mend: one clear sentence that names the file (or the argument) and what to do about it."""
+"""Errors that a user can mend: one sentence that names the file (or argument) and the mend."""
 
 
 class KpredError(Exception):

@@ -85,8 +85,8 @@ def test_a_folder_is_fitted_once_and_bad_scans_are_listed(place, settings, whole
     assert [failure["name"] for failure in failures] == [name for name, _ in report.failed]
     assert sorted(row["name"] for row in rows(out)) == sorted(contents(out))
     before = {file: file.stat().st_mtime_ns for file in out.glob("??/[!.]*")}
-    again = fit_many(place / "scans", out, settings, workers=1)
-    assert (again.fitted, again.present, len(again.failed)) == (0, 6, 2)
+    second = fit_many(place / "scans", out, settings, workers=1)
+    assert (second.fitted, second.present, len(second.failed)) == (0, 6, 2)
     assert {file: file.stat().st_mtime_ns for file in out.glob("??/[!.]*")} == before
     assert len(rows(out)) == 6
 
@@ -188,11 +188,11 @@ class Unreliable:
     size = 2
 
     def __init__(self, accidents):
-        self.accidents, self.at_hand, self.most = accidents, [], 0
+        self.accidents, self.at_hand, self.max_at_hand = accidents, [], 0
 
     def start(self, group):
         self.at_hand.append(group)
-        self.most = max(self.most, len(self.at_hand))
+        self.max_at_hand = max(self.max_at_hand, len(self.at_hand))
 
     def finished(self):
         if any(task.name == "killer" for group in self.at_hand for task in group):
@@ -204,15 +204,15 @@ class Unreliable:
     def _outcome(self, name):
         if self.accidents.get(name, 0):
             self.accidents[name] -= 1
-            return Outcome(name, None, "the disk was full", again=True)
+            return Outcome(name, None, "the disk was full", retry=True)
         return Outcome(name, {"name": name})
 
     def close(self):
         pass
 
 
-@pytest.mark.parametrize("together", [1, 2, 3])
-def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path, together):
+@pytest.mark.parametrize("group_size", [1, 2, 3])
+def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path, group_size):
     names = ["a", "b", "killer", "c", "d", "e", "f"]
     pool = Unreliable({"b": 1, "e": 9})
     read = []
@@ -220,14 +220,14 @@ def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path, t
     def tasks():
         for name in names:
             read.append(name)
-            assert len(read) <= len(set(read) - set(pool_names(pool))) + 4 * together  # never far ahead of the work
+            assert len(read) <= len(set(read) - set(pool_names(pool))) + 4 * group_size  # never far ahead of the work
             yield Task(name, name)
 
     with Journal(tmp_path, {}) as journal:
-        report = _Batch(pool, journal, attempts=3, progress=None, together=together).run(tasks())
+        report = _Batch(pool, journal, attempts=3, progress=None, group_size=group_size).run(tasks())
     assert dict(report.failed) == {"killer": "the process that fitted it died", "e": "the disk was full"}
     assert report.fitted == 5
-    assert pool.most <= 4
+    assert pool.max_at_hand <= 4
     assert sorted(row["name"] for row in rows(tmp_path)) == ["a", "b", "c", "d", "f"]
 
 
@@ -245,7 +245,7 @@ def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
     with Journal(out, {}) as journal:
         pool = ProcessWorkerPool(1, settings, str(out))
         try:
-            report = _Batch(pool, journal, attempts=2, progress=None, together=3).run(read_tasks(place / "scans"))
+            report = _Batch(pool, journal, attempts=2, progress=None, group_size=3).run(read_tasks(place / "scans"))
         finally:
             pool.close()
     assert report.fitted == 6
@@ -272,11 +272,11 @@ def test_networks_on_a_device_find_the_same(place, settings, whole, tmp_path):
 def test_scans_that_are_read_together_are_fitted_as_each_alone(tmp_path, monkeypatch):
     from kpred.batch.worker import fit_task, fit_tasks
     from kpred.bench.fits import scans
-    from kpred.fitting.defaults import as_model
+    from kpred.fitting.defaults import resolve_model
     from kpred.fitting.encoding import EncodedAhead
 
     chosen = BatchSettings(category="chair", frame="known")
-    for number, cloud in enumerate(scans(as_model(None), 9)["chair"]):
+    for number, cloud in enumerate(scans(resolve_model(None), 9)["chair"]):
         np.save(tmp_path / f"{number}.npy", cloud)
     (tmp_path / "damaged.ply").write_bytes(b"ply\nnonsense")
     *tasks, broken = read_tasks(tmp_path)

@@ -7,8 +7,8 @@ import torch
 from kpred.bench.batched import ModelTable, ScanBatch
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve
-from kpred.fitting.defaults import as_database, as_model
-from kpred.fitting.encoding import observe
+from kpred.fitting.defaults import resolve_database, resolve_model
+from kpred.fitting.encoding import encode_scan
 from kpred.nn import Model
 from kpred.ops import sample_surface
 from kpred.ops.frames import unit_box_frame
@@ -20,7 +20,7 @@ SCANS, TOP = 3, 7
 
 @pytest.fixture(scope="module")
 def bundled() -> tuple[Model, Database]:
-    return as_model(None), as_database(None)
+    return resolve_model(None), resolve_database(None)
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +56,15 @@ def test_a_batch_gives_what_each_scan_gives_alone(
     config = RefineConfig(points=256, finalists=3, reflection=0.0, free_space=0.0)
     feed_forward, refined = together.errors(), together.refined(config)
     for row, cloud in enumerate(clouds):
-        alone: Candidates = retrieve(observe(cloud[None], network, partial), 0, database, "chair", TOP, partial)
+        alone: Candidates = retrieve(encode_scan(cloud[None], network, partial), 0, database, "chair", TOP, partial)
         assert tuple(ids[i] for i in together.rows[row]) == alone.model_ids
         np.testing.assert_allclose(together.distances[row], alone.distances, rtol=1e-4)
         torch.testing.assert_close(feed_forward[row], alone.errors(), rtol=1e-3, atol=1e-7)
         better = alone.refined(config)
         torch.testing.assert_close(refined.errors()[row], better.errors(), rtol=2e-2, atol=1e-6)
-        torch.testing.assert_close(refined.errors(most=200)[row], better.errors(most=200), rtol=2e-2, atol=1e-6)
+        torch.testing.assert_close(
+            refined.errors(max_points=200)[row], better.errors(max_points=200), rtol=2e-2, atol=1e-6
+        )
         assert refined.errors()[row].isfinite().sum() == config.most_finalists(partial)
 
 

@@ -84,7 +84,7 @@ def test_what_kills_its_worker_every_time_is_listed_and_the_rest_is_built(tmp_pa
     encoder = RayEncoder.__new__(RayEncoder)
     encoder._cluster = type("C", (), {"ray": Cluster})()
     encoder._hand_in = encoder._again = lambda category, batch: batch
-    encoder.ahead = 2
+    encoder.max_pending = 2
     report = build_database(tmp_path / "a.kpred", shapes[:4], model, batch=2, encoder=encoder)
     assert report.added == 3
     assert report.failed == [(shapes[1][0], "the process that encoded it died")]
@@ -93,11 +93,11 @@ def test_what_kills_its_worker_every_time_is_listed_and_the_rest_is_built(tmp_pa
 
 
 def test_shares_of_gpus_that_cannot_be_given_are_refused(model):
-    from kpred.batch.ray_cluster import RayCluster, _holders, check_share
+    from kpred.batch.ray_cluster import RayCluster, _holders, check_gpus
 
     for share in (-1.0, 1.5, float("nan")):
         with pytest.raises(ConfigError, match="share of one GPU"):
-            check_share(share)
+            check_gpus(share)
     assert [_holders(2.0, share) for share in (0.25, 0.4, 0.1, 1.0, 2.0, 3.0)] == [8, 4, 20, 2, 1, 0]
     with pytest.raises(ConfigError, match="No Ray cluster"):
         RayCluster("auto", 1)

@@ -71,11 +71,11 @@ def test_missing_models_and_synsets_are_named_once_each(shapenet: Path) -> None:
         file.rmdir() if file.is_dir() else file.unlink()
     (shapenet / TABLE).rmdir()
     check = _shapenet(shapenet).check()
-    assert [(lack.what, lack.name) for lack in check.lacks] == [
+    assert [(issue.what, issue.name) for issue in check.issues] == [
         ("synset", f"{TABLE} (table)"),
         ("model", f"{CHAIR}/chair2"),
     ]
-    assert "2 models of the split" in check.lacks[0].why
+    assert "2 models of the split" in check.issues[0].why
     assert _shapenet(shapenet, "chair").check().found == {"chair": {"source": 2, "test": 1, "train": 1}}
 
 
@@ -100,10 +100,10 @@ def test_corrupt_meshes_are_left_out_counted_and_listed(shapenet: Path, tmp_path
     broken.write_bytes(b"\x00\x01 not a mesh")
     (shapenet / CHAIR / "chair3" / "models" / "model_normalized.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
     done = prepare_dataset(_shapenet(shapenet), tmp_path / "packs", workers=1)
-    assert [lack.name for lack in done.skipped] == ["chair1", "chair3"]
+    assert [issue.name for issue in done.skipped] == ["chair1", "chair3"]
     assert str(broken) in done.skipped[0].why
     record = json.loads((tmp_path / "packs" / "prepared.json").read_text())
-    assert [lack["name"] for lack in record["skipped"]] == ["chair1", "chair3"]
+    assert [issue["name"] for issue in record["skipped"]] == ["chair1", "chair3"]
     assert MeshPack.load(done.packs["chair"]).model_id.tolist() == ["chair0", "chair2", "chair4"]
 
 
@@ -198,7 +198,7 @@ def test_modelnet(modelnet: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(shapes["table_0001"].read().bounds, original.bounds, atol=1e-4)
     for file in (modelnet / "desk" / "test").iterdir():
         file.unlink()
-    assert [lack.name for lack in dataset.check().lacks] == ["desk/test"]
+    assert [issue.name for issue in dataset.check().issues] == ["desk/test"]
 
 
 @pytest.fixture
@@ -227,7 +227,7 @@ def test_scan2cad(scan2cad: Path, tmp_path: Path) -> None:
         "scenes": {"annotated": 2, "with scan": 1, "with labels": 0},
         "chair": {"source": 1},
     }
-    assert {(lack.what, lack.name) for lack in check.lacks} == {
+    assert {(issue.what, issue.name) for issue in check.issues} == {
         ("model", f"{CHAIR}/chair1"),
         ("scan", "scene0000_00"),
         ("labels", "scene0001_00"),
@@ -246,7 +246,7 @@ def test_packs_and_folders(tmp_path: Path) -> None:
     check = open_dataset(tmp_path / "packs").check()
     assert check.kind == "packs"
     assert check.found == {"chair": {"val": 2}, "table": {"source": 4}}
-    assert [(lack.what, lack.name) for lack in check.lacks] == [
+    assert [(issue.what, issue.name) for issue in check.issues] == [
         ("shape", "a"), ("shape", "a"), ("shape", "a"), ("pack", "lamp.npz")
     ]  # fmt: skip
     assert any("no split source" in remark for remark in check.remarks)
@@ -264,7 +264,7 @@ def test_the_commands(shapenet: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     (shapenet / CHAIR / "chair2" / "models" / "model_normalized.obj").unlink()
     assert main(["data", "check", str(shapenet), *split, "--json"]) == FAILED
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["lacks"][0]["name"] == f"{CHAIR}/chair2"
+    assert json.loads(printed.out)["issues"][0]["name"] == f"{CHAIR}/chair2"
     assert "it is not complete (1 x model)" in printed.err
     line = ["data", "prepare", str(shapenet), *split, "--category", "chair", "--workers", "1"]
     assert main([*line, "-o", str(tmp_path / "packs"), "--json"]) == OK

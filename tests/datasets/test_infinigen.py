@@ -14,7 +14,7 @@ from kpred.errors import ConfigError, MeshError
 from kpred.shapes.pack import MeshPack
 
 _STAND_IN = """#!{python}
-# Called as the worker is: [worker.py, folder, most_faces, jobs...]. Makes a box as high as its seed says.
+# Called as the worker is: [worker.py, folder, max_faces, jobs...]. Makes a box as high as its seed says.
 import os, sys
 import numpy as np
 folder, jobs = sys.argv[2], sys.argv[4:]
@@ -65,7 +65,7 @@ def test_what_was_made_is_not_made_again_and_damage_is_mended(tmp_path: Path) ->
     file = next(folder.glob("*.npz"))
     file.write_bytes(b"cut")
     torn = generate_infinigen("chair", 9, folder, python=python)
-    assert [str(file) in lack.why for lack in torn.failed] == [True]
+    assert [str(file) in issue.why for issue in torn.failed] == [True]
     mended = generate_infinigen("chair", 9, folder, python=python)
     assert (mended.made, mended.kept) == (1, 8)
     assert np.array_equal(mended.pack.vertices, again.pack.vertices)
@@ -75,7 +75,7 @@ def test_failures_are_listed_and_do_not_stop_the_rest(tmp_path: Path) -> None:
     python = _python(tmp_path, "LargeShelfFactory")
     done = generate_infinigen("cabinet", 30, tmp_path / "shapes", python=python, workers=2)
     assert done.failed
-    assert all("LargeShelfFactory" in lack.name and "no legs" in lack.why for lack in done.failed)
+    assert all("LargeShelfFactory" in issue.name and "no legs" in issue.why for issue in done.failed)
     assert len(done.pack) + len(done.failed) == 30
     nothing = _python(tmp_path, "nothing")
     nothing.write_text("#!/bin/sh\nexit 1\n")

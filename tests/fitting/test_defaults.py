@@ -11,7 +11,7 @@ import torch
 
 from kpred.database import Database
 from kpred.errors import DatabaseError, ModelError
-from kpred.fitting.defaults import LOADED, as_database, as_model, bundled_database_path, shared_categories
+from kpred.fitting.defaults import LOADED, bundled_database_path, resolve_database, resolve_model, shared_categories
 from kpred.fitting.file_cache import FileCache
 from kpred.nn import KPRed, ModelConfig, load_model, save_network
 
@@ -25,24 +25,24 @@ def test_the_same_files_are_loaded_once(tmp_path: Path, monkeypatch: pytest.Monk
     save_network(network(0), tmp_path / "model")
     Database.create(tmp_path / "one.kpred").close()
     monkeypatch.chdir(tmp_path)
-    assert as_model("model") is as_model("model")
-    assert as_database("one.kpred") is as_database(tmp_path / "one.kpred")
-    assert as_model(None) is as_model(None) and as_database(None) is as_database(None)
+    assert resolve_model("model") is resolve_model("model")
+    assert resolve_database("one.kpred") is resolve_database(tmp_path / "one.kpred")
+    assert resolve_model(None) is resolve_model(None) and resolve_database(None) is resolve_database(None)
     given = load_model("model")
-    assert as_model(given) is given
+    assert resolve_model(given) is given
 
 
 def test_retrained_weights_are_noticed(tmp_path: Path) -> None:
     folder = tmp_path / "model"
     save_network(network(0), folder)
-    before = as_model(folder)
+    before = resolve_model(folder)
     save_network(network(1), folder)
-    after = as_model(folder)
+    after = resolve_model(folder)
     assert after["chair"].fingerprint() != before["chair"].fingerprint()
-    assert as_model(folder) is after
+    assert resolve_model(folder) is after
     (folder / "calibration.json").write_text("{")
     with pytest.raises(ModelError, match=r"calibration\.json is damaged"):
-        as_model(folder)
+        resolve_model(folder)
 
 
 def test_the_same_name_in_another_folder_is_another_thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +52,7 @@ def test_the_same_name_in_another_folder_is_another_thing(tmp_path: Path, monkey
         save_network(network(number), place / "model")
         Database.create(place / "one.kpred").close()
         monkeypatch.chdir(place)
-        found.append((as_model("model"), as_database("one.kpred")))
+        found.append((resolve_model("model"), resolve_database("one.kpred")))
     assert found[0][0]["chair"].fingerprint() != found[1][0]["chair"].fingerprint()
     assert found[0][1] is not found[1][1]
 
@@ -60,13 +60,13 @@ def test_the_same_name_in_another_folder_is_another_thing(tmp_path: Path, monkey
 def test_a_database_that_took_the_place_of_another_is_noticed(tmp_path: Path) -> None:
     file = tmp_path / "one.kpred"
     Database.create(file).close()
-    assert as_database(file).categories() == ()
+    assert resolve_database(file).categories() == ()
     shutil.copy(bundled_database_path(), tmp_path / "other.kpred")
     os.replace(tmp_path / "other.kpred", file)
-    assert as_database(file).categories() == ("cabinet", "chair", "table")
+    assert resolve_database(file).categories() == ("cabinet", "chair", "table")
     file.unlink()
     with pytest.raises(DatabaseError, match="does not exist"):
-        as_database(file)
+        resolve_database(file)
 
 
 def test_weights_that_were_checked_are_not_kept_alive(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import kpred
 from kpred.database import build_database
 from kpred.errors import DatabaseError
 from kpred.fitting import Fit
-from kpred.fitting.defaults import as_database, as_model
+from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.ops import sample_surface
 from kpred.shapes.mesh import Mesh
 
@@ -38,7 +38,7 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> Iterator[kpred.Database]
     """A database of three tables."""
     path = tmp_path_factory.mktemp("tables") / "tables.kpred"
     shapes = [(name, "table", "source", _table(*sides)) for name, sides in SOURCE.items()]
-    assert build_database(path, shapes, as_model(None)).added == 3
+    assert build_database(path, shapes, resolve_model(None)).added == 3
     with kpred.Database.open(path, read_only=True) as database:
         yield database
 
@@ -161,7 +161,7 @@ def test_a_named_model_is_fitted_and_no_other(tables: kpred.Database, desk: np.n
 
 
 def test_a_named_model_says_of_which_category_it_is(desk: np.ndarray) -> None:
-    database = as_database(None)
+    database = resolve_database(None)
     for category in ("chair", "table"):
         name = database.model_ids(category)[0]
         fit = kpred.fit(desk, up="y", pose="identity", clean=False, model_id=name)

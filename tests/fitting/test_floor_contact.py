@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpred.fitting.floor_contact import feet_missing
+from kpred.fitting.floor_contact import is_truncated
 
 UPS = {"z": np.array([0.0, 0.0, 1.0]), "-y": np.array([0.0, -1.0, 0.0])}
 
@@ -21,4 +21,4 @@ def test_a_scan_that_ends_well_above_the_floor_lacks_the_feet(
     up: str, floor: float, missing: bool, rng: np.random.Generator
 ) -> None:
     scan = rng.uniform([-1, -1, 0.5], [1, 1, 1.5], (500, 3)) @ frame(UPS[up])
-    assert feet_missing(scan, up, floor) == missing
+    assert is_truncated(scan, up, floor) == missing

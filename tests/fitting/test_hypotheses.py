@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from kpred.errors import ConfigError
-from kpred.fitting.defaults import as_database, as_model
+from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.fitting.hypotheses import Search, hypotheses
 from kpred.fitting.stages import MAX_READINGS, ODDS_RANGE, worth_trying
 from kpred.ops import sample_surface
@@ -18,7 +18,7 @@ from kpred.synthetic.generator import generate
 
 @pytest.fixture(scope="module")
 def search() -> Search:
-    return Search(as_model(None), as_database(None), top_k=3, frame_known=False)
+    return Search(resolve_model(None), resolve_database(None), top_k=3, frame_known=False)
 
 
 @pytest.fixture(scope="module")

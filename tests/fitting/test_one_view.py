@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 import kpred
 from kpred.database import Entry
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.defaults import as_database, as_model
+from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.fitting.deform import ModelPoints, deform_candidates
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.visibility import GRID_SIZE, REACH, Visibility
@@ -60,7 +60,7 @@ def _candidates(database: kpred.Database, category: str, model_ids: list[str], v
 
 
 def test_a_model_seen_from_one_side_is_the_simplest_explanation() -> None:
-    database, first, undeformed, count = as_database(None), 0, 0, 0
+    database, first, undeformed, count = resolve_database(None), 0, 0, 0
     for category in CATEGORIES:
         every = database.model_ids(category)
         for name in (every[5], every[45]):
@@ -81,10 +81,10 @@ def test_a_model_seen_from_one_side_is_the_simplest_explanation() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(as_model(None).visibility is None, reason="the bundled model has no visibility network")
+@pytest.mark.skipif(resolve_model(None).visibility is None, reason="the bundled model has no visibility network")
 def test_some_models_of_the_database_scanned_from_one_side_return_themselves() -> None:
     """End to end, with retrieval and predicted visibility; 4 of 9 when this was written."""
-    database, itself = as_database(None), 0
+    database, itself = resolve_database(None), 0
     for category in CATEGORIES:
         for name in database.model_ids(category)[5::40][:3]:
             entry = database.entry(name)

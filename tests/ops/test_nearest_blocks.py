@@ -85,7 +85,7 @@ def test_the_curve_visits_every_cell_and_always_goes_to_a_neighbour() -> None:
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_threads_share_the_work_and_not_the_result(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worksharing, "WORTH", 1000)
+    monkeypatch.setattr(worksharing, "MIN_STEPS", 1000)
     monkeypatch.setattr(worksharing, "thread_count", lambda: threads)
     generator = np.random.default_rng(3)
     query, reference = _surface(generator, (3, 1000)), _surface(generator, (3, 900))
@@ -103,16 +103,18 @@ def test_every_job_is_done_once_and_errors_come_out(monkeypatch: pytest.MonkeyPa
             raise ValueError("of another thread")
 
     with pytest.raises(ValueError, match="another thread"):
-        worksharing.parallel_for(kernel, 10, 10 * worksharing.WORTH)
+        worksharing.parallel_for(kernel, 10, 10 * worksharing.MIN_STEPS)
     assert (done == 1).all()
 
 
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork here")
 def test_a_forked_child_makes_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worksharing, "thread_count", lambda: 2)
-    worksharing.parallel_for(lambda first, last: None, 4, 4 * worksharing.WORTH)
+    worksharing.parallel_for(lambda first, last: None, 4, 4 * worksharing.MIN_STEPS)
     context = multiprocessing.get_context("fork")
-    child = context.Process(target=worksharing.parallel_for, args=(lambda first, last: None, 4, 4 * worksharing.WORTH))
+    child = context.Process(
+        target=worksharing.parallel_for, args=(lambda first, last: None, 4, 4 * worksharing.MIN_STEPS)
+    )
     child.start()
     child.join(20)
     assert child.exitcode == 0

@@ -6,7 +6,7 @@ import torch
 from scipy.stats import chisquare, kstest
 
 from kpred.errors import MeshError
-from kpred.ops.sampling import at_even_steps, farthest_point_sampling, sample_surface
+from kpred.ops.sampling import farthest_point_sampling, sample_surface, subsample
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_farthest_points_do_not_depend_on_order(rng: np.random.Generator) -> Non
 
 def test_points_at_even_steps(generator: torch.Generator) -> None:
     points = torch.rand(2, 100, 3, generator=generator)
-    assert torch.equal(at_even_steps(points, 25), points[:, ::4])
-    assert torch.equal(at_even_steps(points[0], 30), points[0, ::3])
-    assert at_even_steps(points, 101) is points
-    assert at_even_steps(points, None) is points
+    assert torch.equal(subsample(points, 25), points[:, ::4])
+    assert torch.equal(subsample(points[0], 30), points[0, ::3])
+    assert subsample(points, 101) is points
+    assert subsample(points, None) is points

@@ -35,7 +35,7 @@ def test_weights_fall_with_distance_from_one_by_the_median(path: str, clouds: di
     squared = clouds["squared"][:, :points]
     weight = robust_weights(squared, 3.0)
     middle = squared.sort(dim=1).values[:, (points - 1) // 2]
-    scale = 9.0 * middle[:, None] + weighted_sums.LEAST_SCALE
+    scale = 9.0 * middle[:, None] + weighted_sums.MIN_SCALE
     assert torch.allclose(robust_scale(squared, 3.0), scale)
     assert torch.allclose(weight, (scale / (scale + squared)) ** 2, atol=1e-6)
     assert torch.equal(robust_weights(squared, 0.0), torch.ones_like(squared))

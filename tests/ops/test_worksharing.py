@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kpred.ops import worksharing
-from kpred.ops.worksharing import WORTH, parallel_for
+from kpred.ops.worksharing import parallel_for
 
 
 @pytest.fixture(params=[1, 2, 5])
@@ -25,13 +25,13 @@ def test_every_job_is_done_once(threads: int, jobs: int) -> None:
         for job in range(first, last):
             done[job] += 1
 
-    parallel_for(kernel, jobs, 100 * WORTH)
+    parallel_for(kernel, jobs, 100 * MIN_STEPS)
     assert (done == 1).all()
 
 
 def test_small_work_stays_in_the_calling_thread(threads: int) -> None:
     seen = set()
-    parallel_for(lambda first, last: seen.add(threading.get_ident()), 10, WORTH // 4)
+    parallel_for(lambda first, last: seen.add(threading.get_ident()), 10, MIN_STEPS // 4)
     assert seen == {threading.get_ident()}
 
 
@@ -45,7 +45,7 @@ def test_an_error_of_any_slice_comes_back_and_nobody_works_on(threads: int) -> N
             raise ValueError("the first slice fails")
 
     with pytest.raises(ValueError, match="the first slice"):
-        parallel_for(kernel, 40, 100 * WORTH)
+        parallel_for(kernel, 40, 100 * MIN_STEPS)
     count = len(ended)
     time.sleep(0.05)
     assert len(ended) == count

@@ -49,10 +49,10 @@ def test_the_smallest_are_joined_to_their_neighbours() -> None:
 @pytest.mark.parametrize("category", ["chair", "cabinet"])
 def test_parts_number_from_zero_and_keep_labels_apart(category: str) -> None:
     for mesh in generate(category, 6, seed=5):
-        for most in (1, 4, 24):
-            labels = part_labels(mesh, most)
+        for max_parts in (1, 4, 24):
+            labels = part_labels(mesh, max_parts)
             assert sorted(set(labels.tolist())) == list(range(labels.max() + 1))
-            assert labels.max() < most
+            assert labels.max() < max_parts
         assert (part_labels(mesh, 24) == part_labels(mesh, 24)).all()
         finest = part_labels(mesh, 1000)
         for part in range(finest.max() + 1):

@@ -74,7 +74,7 @@ def test_backless_cases_are_closed_in_front_alone() -> None:
 
 @pytest.mark.parametrize("category", CATEGORIES)
 def test_a_share_of_coarse_shapes_leaves_the_others_as_they_were(category: str) -> None:
-    fine, mixed, coarse = (generate(category, 24, seed=5, coarse=share) for share in (0.0, 0.5, 1.0))
+    fine, mixed, coarse = (generate(category, 24, seed=5, coarse=fraction) for fraction in (0.0, 0.5, 1.0))
     names = set(COARSE_FAMILIES[category])
     assert not names & set(FAMILIES[category])
     assert set(coarse.extra["factory"]) <= names

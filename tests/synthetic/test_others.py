@@ -9,7 +9,7 @@ from kpred.errors import ConfigError
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.assembly import assemble
 from kpred.synthetic.generator import FAMILIES, build, generate
-from kpred.synthetic.organic import bumpy_ball, capsule, ellipsoid, leaf, ring, turned, vessel
+from kpred.synthetic.organic import bumpy_ball, capsule, ellipsoid, leaf, ring, rotated, vessel
 from kpred.synthetic.others.others import generate_others
 from kpred.synthetic.part import Part, rotation_matrix
 from kpred.synthetic.parts import ellipse
@@ -22,7 +22,7 @@ PRIMITIVES = {
     "leaf": leaf((0, 0, 0), (0.5, 0.2, 0.1), 0.08, 0.05),
     "ring": ring(0.3, 0.05, (1, 1, 1), "a"),
     "vessel": vessel([ellipse(0.2, 0.3, 12), ellipse(0.4, 0.5, 12)], [0.0, 0.4], 0.02, "a"),
-    "turned": turned(ellipsoid((0.3, 0.1, 0.2), (1, 2, 3), "a"), rotation_matrix((1, 2, 3), 70), (9, 9, 9)),
+    "turned": rotated(ellipsoid((0.3, 0.1, 0.2), (1, 2, 3), "a"), rotation_matrix((1, 2, 3), 70), (9, 9, 9)),
 }
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from kpred.training.distributed import StoppedElsewhereError, World, joined
+from kpred.training.distributed import OtherProcessFailedError, World, join_processes
 from kpred.training.loop import train_stage
 from kpred.training.run import new_network
 from kpred.training.stages import DeformationStage
@@ -52,7 +52,7 @@ class Troubled(DeformationStage):
 def perform(job: dict[str, Any], world: World) -> dict[str, Any]:
     """Train, or show one step's gradients."""
     network = new_network(job["model"], world.rank)  # the first process's weights must win
-    data = world.share(lambda: job["data"], "cpu")
+    data = world.fraction(lambda: job["data"], "cpu")
     if job["name"] == "step":
         network.load_state_dict(job["weights"])
         work = DeformationStage(network, data, job["train"])
@@ -83,9 +83,9 @@ def main() -> None:
     for job in pickle.loads(jobs_file.read_bytes()):
         answer: dict[str, Any]
         try:
-            with joined(rank, size, "cpu", f"file://{jobs_file}.{job['name']}.meeting") as world:
+            with join_processes(rank, size, "cpu", f"file://{jobs_file}.{job['name']}.meeting") as world:
                 answer = perform(job, world)
-        except StoppedElsewhereError as error:
+        except OtherProcessFailedError as error:
             answer = {"stopped": f"{type(error).__name__}: {error}"}
         except (KeyboardInterrupt, Exception) as error:
             answer = {"error": f"{type(error).__name__}: {error}"}

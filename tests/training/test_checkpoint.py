@@ -37,12 +37,12 @@ def test_round_trip(checkpoint: Checkpoint, tmp_path: Path) -> None:
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99])
-def test_a_truncated_file_is_refused(checkpoint: Checkpoint, tmp_path: Path, share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.5, 0.99])
+def test_a_truncated_file_is_refused(checkpoint: Checkpoint, tmp_path: Path, fraction: float) -> None:
     path = tmp_path / "partial.checkpoint"
     checkpoint.save(path)
     whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))])
+    path.write_bytes(whole[: int(fraction * len(whole))])
     with pytest.raises(CheckpointError, match="truncated") as caught:
         Checkpoint.load(path)
     assert str(path) in str(caught.value)

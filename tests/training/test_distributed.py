@@ -14,7 +14,7 @@ import torch
 from kpred.errors import CheckpointError
 from kpred.nn import load_network
 from kpred.training.checkpoint import Checkpoint
-from kpred.training.distributed import ALONE, World
+from kpred.training.distributed import SINGLE, World
 from kpred.training.loop import train_stage
 from kpred.training.run import new_network
 from kpred.training.stages import DeformationStage
@@ -138,7 +138,7 @@ def test_a_wild_batch_of_one_is_skipped_by_all(found) -> None:
 
 def test_an_error_of_one_ends_all_and_is_told_once(found) -> None:
     assert found["error"][1]["error"] == "ValueError: this batch is broken"
-    assert found["error"][0]["stopped"] == "StoppedElsewhereError: Another process of this training failed."
+    assert found["error"][0]["stopped"] == "OtherProcessFailedError: Another process of this training failed."
     assert "stopped" not in found["error"][1]
     assert "error" not in found["error"][0]
     assert "error" in found["first"][0]
@@ -146,7 +146,7 @@ def test_an_error_of_one_ends_all_and_is_told_once(found) -> None:
 
 
 def test_an_interrupt_of_one_stops_all_after_the_same_step(found) -> None:
-    assert [answer["error"].partition(":")[0] for answer in found["interrupt"]] == ["StopTogether"] * 2
+    assert [answer["error"].partition(":")[0] for answer in found["interrupt"]] == ["StopAllProcesses"] * 2
     for weights in _weights(found, "again"):
         assert _equal(weights, _weights(found, "whole")[0])
     assert found["again"][0]["steps"] == [4, 5], "the interrupt did not save the step that was done"
@@ -155,7 +155,7 @@ def test_an_interrupt_of_one_stops_all_after_the_same_step(found) -> None:
 def test_killed_and_resumed_is_as_if_it_had_not_been(found) -> None:
     survivor, dead = found["kill"]
     assert dead is None
-    assert survivor["stopped"].startswith("LostError: Another process of this training died")
+    assert survivor["stopped"].startswith("ProcessLostError: Another process of this training died")
     assert found["resumed"][0]["steps"] == [3, 4, 5]
     for weights in _weights(found, "resumed"):
         assert _equal(weights, _weights(found, "whole")[0])
@@ -182,13 +182,13 @@ def test_one_process_alone_is_left_as_it_is() -> None:
     state, gradient = torch.Generator().get_state(), torch.ones(3)
     parameter = torch.nn.Parameter(torch.zeros(3))
     parameter.grad = gradient
-    ALONE.agree()
-    ALONE.align([parameter])
-    ALONE.average_gradients([parameter])
+    SINGLE.agree()
+    SINGLE.align([parameter])
+    SINGLE.average_gradients([parameter])
     assert parameter.grad is gradient
-    assert ALONE.states(state) is state
-    assert ALONE.own_state(state) is state
-    assert ALONE.seed(12) == 12
+    assert SINGLE.states(state) is state
+    assert SINGLE.own_state(state) is state
+    assert SINGLE.seed(12) == 12
 
 
 @pytest.mark.slow

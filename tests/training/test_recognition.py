@@ -13,9 +13,9 @@ from kpred.nn import Recognizer, RecognizerConfig, load_recognizer
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig
-from kpred.training.recognition import RIGHT, WRONG, RecognitionStage, smallest_turn, train_recognizer
+from kpred.training.recognition import RIGHT, WRONG, RecognitionStage, smallest_yaw, train_recognizer
 from kpred.training.recognition_config import RecognitionConfig
-from kpred.training.recognition_data import RecognitionData, prepare_recognition, turn_periods
+from kpred.training.recognition_data import RecognitionData, prepare_recognition, yaw_periods
 
 SMALL = RecognizerConfig(width=16, blocks=1)
 CONFIG = RecognitionConfig(optimisation=StageConfig(steps=5, batch=8), points=64, checkpoint_every=2)
@@ -58,15 +58,15 @@ def test_symmetries_of_plain_outlines(generator: torch.Generator) -> None:
     disc = whole[whole[:, ::2].norm(dim=1) < 1]
     wedge = whole_too[whole_too[:, 2] > whole_too[:, 0]]
     clouds, again = torch.stack([outline[:4000] for outline in (bar, square, disc, wedge)]).chunk(2, dim=1)
-    periods = turn_periods(clouds, again)
+    periods = yaw_periods(clouds, again)
     assert periods.tolist() == pytest.approx([math.pi, math.pi / 2, 0.0, 2 * math.pi])
-    assert turn_periods(clouds[1:2], again[1:2]).tolist() == pytest.approx([math.pi / 2])
+    assert yaw_periods(clouds[1:2], again[1:2]).tolist() == pytest.approx([math.pi / 2])
 
 
 def test_the_smallest_turn_leads_to_an_equal_shape() -> None:
     off = torch.tensor([0.1, math.pi + 0.1, math.pi / 2 + 0.1, 3.0])
     for period, expected in ((math.pi, [0.1, 0.1, math.pi / 2 + 0.1 - math.pi, 3.0 - math.pi]), (0.0, [0.0] * 4)):
-        found = smallest_turn(off, torch.full((4,), period))
+        found = smallest_yaw(off, torch.full((4,), period))
         assert torch.allclose(found, torch.tensor(expected), atol=1e-5)
 
 
@@ -75,9 +75,9 @@ def test_a_batch_teaches_right_turns_as_right_and_wrong_ones_as_none(data: Recog
     fronted = dataclasses.replace(data, period=torch.full_like(data.period, 2 * math.pi))
     config = dataclasses.replace(CONFIG, others=0.0, tilted=0.0, optimisation=StageConfig(steps=1, batch=256))
     work = RecognitionStage(Recognizer(dataclasses.replace(SMALL, categories=data.categories)), fronted, config)
-    clouds, answer, turn, teaches = work.batch(torch.Generator().manual_seed(0))
+    clouds, answer, yaw, teaches = work.batch(torch.Generator().manual_seed(0))
     assert clouds.shape == (256, 64, 3)
-    off = turn.abs()
+    off = yaw.abs()
     assert (answer[off <= RIGHT] < 2).all() and (answer[off >= WRONG] == 2).all()
     assert (answer[(off > RIGHT) & (off < WRONG)] == -1).all()
     assert (off <= RIGHT).any() and (off >= WRONG).any() and not teaches[off > 0.5].any()
@@ -109,7 +109,7 @@ def test_weights_and_record_lie_in_the_model_folder(packs: list[MeshPack], tmp_p
 
 def test_it_learns_to_tell_chairs_from_tables(packs: list[MeshPack], tmp_path: Path) -> None:
     losses: list[float] = []
-    config = dataclasses.replace(CONFIG, optimisation=StageConfig(steps=60, batch=16), turn_weight=0.0)
+    config = dataclasses.replace(CONFIG, optimisation=StageConfig(steps=60, batch=16), yaw_weight=0.0)
     train_recognizer(packs, config, tmp_path, report=lambda *facts: losses.append(facts[3]["answer"]), model=SMALL)
     assert sum(losses[-10:]) < 0.9 * sum(losses[:10])
 

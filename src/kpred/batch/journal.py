@@ -1,4 +1,4 @@
-"""The output folder of a batch: what was begun, what is done, what failed. It is never wrong, whatever is killed.
+"""Journal of a batch's output folder: the job, finished scans, failed scans; consistent after any kill.
 
 job.json        input and settings; another batch is refused
 results.jsonl   a line a scan that is done, in the order they were done
@@ -67,7 +67,7 @@ class Journal:
         return len(self._done)
 
     def is_done(self, task: Task) -> bool:
-        """Whether the scan's record is there."""
+        """Test whether the scan's record is there."""
         return task.stem in self._done
 
     def done(self, task: Task, row: dict[str, Any]) -> None:
@@ -79,7 +79,7 @@ class Journal:
         self._lines.flush()
 
     def write_failures(self, failures: Iterable[tuple[str, str]]) -> None:
-        """(name, reason) of the scans that were given up in this run take the place of those of earlier ones."""
+        """Write (name, reason) of scans that failed in this run, replacing those of earlier runs."""
         with atomic_path(self.folder / "failures.jsonl") as temporary, open(temporary, "w", encoding="utf-8") as file:
             for name, reason in failures:
                 file.write(json.dumps({"name": name, "problem": reason}) + "\n")
@@ -114,7 +114,7 @@ class Journal:
             )
 
     def _remove_unfinished(self) -> None:
-        """Files that a killed worker was writing: their names begin with a dot."""
+        """Remove files that a killed worker was writing: their names begin with a dot."""
         for file in self.folder.glob("??/.*"):
             file.unlink(missing_ok=True)
 
@@ -145,7 +145,7 @@ class Journal:
 
 
 def _lines(file: Path) -> Iterator[tuple[str, dict[str, Any] | None]]:
-    """Lines with what they say; None where a line is no whole row."""
+    """Yield lines with their parsed row, or None where a line is no complete row."""
     if not os.path.exists(file):
         return
     with open(file, encoding="utf-8", errors="replace") as stream:

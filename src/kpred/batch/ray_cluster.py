@@ -21,7 +21,7 @@ class RayCluster:
         Raises:
             ConfigError: Ray is not installed, no cluster is at that address, or it has too few GPUs.
         """
-        check_share(gpus)
+        check_gpus(gpus)
         try:
             import ray
         except ImportError as error:
@@ -40,19 +40,19 @@ class RayCluster:
         found = ray.cluster_resources()
         room = max(1, int(found.get("CPU", 1)))
         if gpus:
-            most = _holders(found.get("GPU", 0.0), gpus)
-            if most < (size or 1):
+            room_by_gpus = _holders(found.get("GPU", 0.0), gpus)
+            if room_by_gpus < (size or 1):
                 self.close()
                 raise ConfigError(
                     f"The Ray cluster has {found.get('GPU', 0.0):g} GPUs, too few for {size or 1} workers of {gpus:g} "
                     "each; give fewer workers, a smaller share, or no GPUs."
                 )
-            room = min(room, most)
+            room = min(room, room_by_gpus)
         self.size = size or room
         self._options = {"num_cpus": 1, "max_restarts": -1, **({"num_gpus": gpus} if gpus else {})}
 
     def actors(self, kind: type, *arguments: Any) -> list[Any]:
-        """As many actors of this class as there are workers; one that dies is started again."""
+        """Start one actor of a class per worker; Ray restarts an actor that dies."""
         remote = self.ray.remote(**self._options)(kind)
         return [remote.remote(*arguments) for _ in range(self.size)]
 
@@ -62,7 +62,7 @@ class RayCluster:
             self.ray.shutdown()
 
 
-def check_share(gpus: float) -> None:
+def check_gpus(gpus: float) -> None:
     """Refuse what Ray cannot give a worker.
 
     Raises:
@@ -73,5 +73,5 @@ def check_share(gpus: float) -> None:
 
 
 def _holders(total: float, each: float) -> int:
-    """How many workers find room: a share lies on one GPU."""
+    """Return the number of workers that fit; a fraction of a GPU lies on one GPU."""
     return int(total) * int(1 / each + 1e-9) if each < 1 else int(total // each)

@@ -20,7 +20,7 @@ ATTEMPTS = 3
 """How often a batch is tried whose worker dies; then its models are tried one by one."""
 
 
-WAKING = 240
+MAX_WAITS = 240
 """Half seconds that a worker may take to start again."""
 
 
@@ -39,7 +39,7 @@ class RayEncoder:
             {name: copy.deepcopy(network).cpu() for name, network in networks.items()}
         )
         self._actors: deque[Any] = deque(self._cluster.actors(_Encoder, "cuda" if gpus else "cpu"))
-        self.ahead = 2 * self._cluster.size
+        self.max_pending = 2 * self._cluster.size
 
     def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
         """See `Encoder`; models whose worker has died every time are not among the entries.
@@ -47,11 +47,11 @@ class RayEncoder:
         These raise DatabaseError where no worker starts again.
         """
         # Batches go round, as they are asked for in this order too.
-        first = self._hand_in(category, batch)
+        first = self._submit(category, batch)
         return lambda: self._entries(category, batch, first)
 
     def workers(self) -> list[int]:
-        """Process ids of the actors."""
+        """Return the process ids of the actors."""
         return [int(pid) for pid in self._cluster.ray.get([actor.pid.remote() for actor in self._actors])]
 
     def close(self) -> None:
@@ -60,18 +60,18 @@ class RayEncoder:
             self._cluster.ray.kill(actor)
         self._cluster.close()
 
-    def _hand_in(self, category: str, batch: Batch) -> Any:
+    def _submit(self, category: str, batch: Batch) -> Any:
         actor = self._actors[0]
         self._actors.rotate(-1)
         return actor.encode.remote([self._networks], category, batch)  # in a list it travels as a name
 
-    def _again(self, category: str, batch: Batch) -> Any:
+    def _resubmit(self, category: str, batch: Batch) -> Any:
         """Hand in to a worker that answers: one that is being started again would refuse, and that would count."""
         ray, actor = self._cluster.ray, self._actors[0]
-        for _ in range(WAKING):
+        for _ in range(MAX_WAITS):
             try:
                 ray.get(actor.pid.remote())
-                return self._hand_in(category, batch)
+                return self._submit(category, batch)
             except ray.exceptions.RayError:
                 time.sleep(0.5)
         raise DatabaseError(
@@ -87,10 +87,10 @@ class RayEncoder:
                 raise  # an error of the encoding itself, which would come again
             except errors.RayError:  # a dead worker, which is started again, or a lost machine
                 if attempt + 1 < ATTEMPTS:
-                    reference = self._again(category, batch)
+                    reference = self._resubmit(category, batch)
         if len(batch) == 1:
             return []
-        return [entry for item in batch for entry in self._entries(category, [item], self._again(category, [item]))]
+        return [entry for item in batch for entry in self._entries(category, [item], self._resubmit(category, [item]))]
 
 
 class _Encoder:

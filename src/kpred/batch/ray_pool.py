@@ -44,7 +44,7 @@ class RayWorkerPool:
         return found
 
     def workers(self) -> list[int]:
-        """Process ids of the actors."""
+        """Return the process ids of the actors."""
         return [int(pid) for pid in self._ray.get([actor.pid.remote() for actor in self._idle])]
 
     def close(self) -> None:

@@ -17,7 +17,7 @@ from kpred.errors import ConfigError
 _WAITING = 2
 """Groups handed in for each worker: one that is worked on and one that waits; more would only fill the memory."""
 
-_TOGETHER = 8
+_GROUP_SIZE = 8
 """Scans of a group where the networks can read several at once; more gain nothing (measured on a CPU)."""
 
 
@@ -87,8 +87,8 @@ def fit_many(
     with Journal(place, job) as journal:
         pool = _worker_pool(ray, workers, chosen, str(place), gpus)
         try:
-            together = _TOGETHER if chosen.batched else 1
-            report = _Batch(pool, journal, attempts, progress, together).run(_chain(first, tasks))
+            group_size = _GROUP_SIZE if chosen.batched else 1
+            report = _Batch(pool, journal, attempts, progress, group_size).run(_chain(first, tasks))
         finally:
             pool.close()
         journal.write_failures(report.failed)
@@ -106,13 +106,13 @@ class _Batch:
         journal: Journal,
         attempts: int,
         progress: Callable[[BatchReport], None] | None,
-        together: int = 1,
+        group_size: int = 1,
     ) -> None:
         self.pool, self.journal, self.attempts, self.progress = pool, journal, attempts, progress
-        self.together = together
+        self.group_size = group_size
         self.report = BatchReport()
-        self.tried: dict[str, int] = {}
-        self.again: deque[Task] = deque()
+        self.attempts_made: dict[str, int] = {}
+        self.retry: deque[Task] = deque()
         self.suspects: deque[Task] = deque()
 
     def run(self, tasks: Iterator[Task]) -> BatchReport:
@@ -133,7 +133,7 @@ class _Batch:
             return 0 if running else self._start([self.suspects.popleft()])
         started = 0
         while running + started < _WAITING * self.pool.size:
-            group = [self.again.popleft()] if self.again else self._next_group(tasks)
+            group = [self.retry.popleft()] if self.retry else self._next_group(tasks)
             if not group:
                 break
             started += self._start(group)
@@ -141,19 +141,19 @@ class _Batch:
 
     def _start(self, group: list[Task]) -> int:
         for task in group:
-            self.tried[task.name] = self.tried.get(task.name, 0) + 1
-            self.report.retried += self.tried[task.name] > 1
+            self.attempts_made[task.name] = self.attempts_made.get(task.name, 0) + 1
+            self.report.retried += self.attempts_made[task.name] > 1
         self.pool.start(tuple(group))
         return 1
 
     def _next_group(self, tasks: Iterator[Task]) -> list[Task]:
         group: list[Task] = []
-        while len(group) < self.together and (task := self._next(tasks)) is not None:
+        while len(group) < self.group_size and (task := self._next(tasks)) is not None:
             group.append(task)
         return group
 
     def _next(self, tasks: Iterator[Task]) -> Task | None:
-        """The next scan that is neither done nor hopeless."""
+        """Return the next scan that is neither finished nor invalid, or None."""
         for task in tasks:
             if self.journal.is_done(task):
                 self.report.present += 1
@@ -161,29 +161,29 @@ class _Batch:
                 self.report.failed.append((task.name, task.problem))
             else:
                 return task
-            self._tell()
+            self._report_progress()
         return None
 
     def _take(self, task: Task, outcome: Outcome | None) -> None:
         if outcome is not None and outcome.row is not None:
             self.journal.done(task, outcome.row)
             self.report.fitted += 1
-            self.tried.pop(task.name, None)
-        elif (outcome is None or outcome.again) and self.tried[task.name] < self.attempts:
-            (self.suspects if outcome is None else self.again).append(task)
+            self.attempts_made.pop(task.name, None)
+        elif (outcome is None or outcome.retry) and self.attempts_made[task.name] < self.attempts:
+            (self.suspects if outcome is None else self.retry).append(task)
             return
         else:
             reason = outcome.problem if outcome is not None else "the process that fitted it died"
             self.report.failed.append((task.name, reason))
-        self._tell()
+        self._report_progress()
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         if self.progress is not None:
             self.progress(self.report)
 
 
 def _absolute(settings: BatchSettings) -> BatchSettings:
-    """Paths that mean the same to workers that run in another folder."""
+    """Make paths absolute, for workers that run in another folder."""
     from kpred.database.address import is_address
 
     def absolute(name: str | None) -> str | None:
@@ -204,14 +204,14 @@ def _worker_pool(ray: str | None, workers: int | None, settings: BatchSettings, 
 
 
 def _check_resources(settings: BatchSettings) -> None:
-    """What would fail for every scan is told before the first."""
-    from kpred.fitting.defaults import as_database, as_model, shared_categories
+    """Check settings, model and database once, before the first scan."""
+    from kpred.fitting.defaults import resolve_database, resolve_model, shared_categories
     from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
 
     if settings.mesh and settings.mesh not in OUTPUT_EXTENSIONS:
         known = ", ".join(OUTPUT_EXTENSIONS)
         raise ConfigError(f"Meshes cannot be written as {settings.mesh!r}; use one of {known}.")
-    shared_categories(as_model(settings.model), as_database(settings.database), settings.category)
+    shared_categories(resolve_model(settings.model), resolve_database(settings.database), settings.category)
 
 
 def _chain(first: Task | None, rest: Iterator[Task]) -> Iterator[Task]:
@@ -221,7 +221,7 @@ def _chain(first: Task | None, rest: Iterator[Task]) -> Iterator[Task]:
 
 
 def count_scans(source: str | os.PathLike[str]) -> int | None:
-    """How many there are, where that is known without reading all of it."""
+    """Count the scans, or return None where that would need reading all of the source."""
     path = Path(source)
     if path.is_dir():
         return sum(1 for _ in read_tasks(path))

@@ -39,7 +39,7 @@ class Task:
 
 
 def read_tasks(source: str | os.PathLike[str]) -> Iterator[Task]:
-    """Scans of a folder (and the folders in it, by name) or of a Parquet manifest; see `kpred.shapes.manifest`.
+    """Yield the scans of a folder (recursively, by name) or of a Parquet manifest; see `kpred.shapes.manifest`.
 
     Raises:
         ManifestError: no such folder or file, no scan in it, or no manifest.

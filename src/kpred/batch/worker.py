@@ -48,7 +48,7 @@ class BatchSettings:
         return self.frame == "known"
 
     def to_dict(self) -> dict[str, Any]:
-        """What the results depend on, as plain values; addresses without passwords, which may change."""
+        """Return the settings that results depend on, as plain values; addresses without passwords."""
         values = asdict(self)
         del values["time_limit"]
         return values | {"database": None if self.database is None else without_password(self.database)}
@@ -61,13 +61,13 @@ class Outcome:
     Attributes:
         row: the line of `results.jsonl`; None where it failed.
         problem: why; empty where it did not.
-        again: trying again may help.
+        retry: trying again may help.
     """
 
     name: str
     row: dict[str, Any] | None
     problem: str = ""
-    again: bool = False
+    retry: bool = False
 
 
 def single_threaded() -> None:
@@ -78,9 +78,9 @@ def single_threaded() -> None:
 
 
 def fit_tasks(tasks: Sequence[Task], settings: BatchSettings, out: str, device: str = "cpu") -> list[Outcome]:
-    """`fit_task` for several scans; those in their known frames are read by the networks in one batch first."""
-    ahead = _read_ahead(tasks, settings, device) if settings.batched and len(tasks) > 1 else {}
-    return [fit_task(task, settings, out, device, ahead.get(task.name)) for task in tasks]
+    """Fit several scans as `fit_task`; networks read scans in known frames as one batch."""
+    read_ahead = _read_ahead(tasks, settings, device) if settings.batched and len(tasks) > 1 else {}
+    return [fit_task(task, settings, out, device, read_ahead.get(task.name)) for task in tasks]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class ReadAhead:
 
 
 def fit_task(
-    task: Task, settings: BatchSettings, out: str, device: str = "cpu", ahead: ReadAhead | None = None
+    task: Task, settings: BatchSettings, out: str, device: str = "cpu", read_ahead: ReadAhead | None = None
 ) -> Outcome:
     """Fit one scan, write `stem`.json and its mesh below `out`, all or none, and say what became of it.
 
@@ -108,8 +108,8 @@ def fit_task(
     try:
         with time_limit(settings.time_limit, task.path):
             found = fit(
-                task.path if ahead is None else ahead.scan,
-                _model(settings, device) if ahead is None else ahead.model,
+                task.path if read_ahead is None else read_ahead.scan,
+                _model(settings, device) if read_ahead is None else read_ahead.model,
                 settings.database,
                 task.category or settings.category,
                 top_k=settings.top_k,
@@ -141,23 +141,23 @@ def fit_task(
         writers[place] = lambda file: file.write_text(text, encoding="utf-8")
         write_together(writers)
     except OutputError as error:
-        return Outcome(task.name, None, str(error), again=True)
+        return Outcome(task.name, None, str(error), retry=True)
     except ScanError as error:
         return Outcome(task.name, None, str(error))
     except KpredError as error:
-        return Outcome(task.name, None, str(error), again="locked" in str(error) or "another process" in str(error))
+        return Outcome(task.name, None, str(error), retry="locked" in str(error) or "another process" in str(error))
     except Exception as error:  # one bad scan must not stop the rest, whatever is wrong with it
-        return Outcome(task.name, None, f"{type(error).__name__}: {error}", again=True)
+        return Outcome(task.name, None, f"{type(error).__name__}: {error}", retry=True)
     return Outcome(task.name, row)
 
 
 def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> dict[str, ReadAhead]:
-    """Scans of one category and size, by name of the task; what is wrong with others is told when they are fitted."""
+    """Encode scans of one category and size as one batch, by task name; invalid scans are left to `fit_task`."""
     import numpy as np
     import torch
 
     from kpred.errors import KpredError
-    from kpred.fitting.defaults import as_model
+    from kpred.fitting.defaults import resolve_model
     from kpred.fitting.encoding import EncodedAhead
     from kpred.fitting.raw_scan import read_points
     from kpred.fitting.stages import SCAN_POINTS
@@ -172,7 +172,7 @@ def _read_ahead(tasks: Sequence[Task], settings: BatchSettings, device: str) -> 
             scan = read_scan(task.path)
             points = read_points(scan, seed=0)[:SCAN_POINTS]  # those that the fit will take
             groups.setdefault((category, len(points)), {})[task.name] = scan, points
-    model = as_model(_model(settings, device))
+    model = resolve_model(_model(settings, device))
     found: dict[str, ReadAhead] = {}
     for (category, _), group in groups.items():
         if category not in model:
@@ -191,7 +191,7 @@ def _model(settings: BatchSettings, device: str) -> Model | str | None:
 
 @lru_cache(maxsize=1)
 def _placed(name: str | None, device: str) -> Model:
-    """The model with its networks on a device: what goes into each moves there, and what comes out moves back."""
+    """Load the model on a device, with hooks that move inputs there and outputs back."""
     from torch import Tensor, nn
 
     from kpred.nn import load_model

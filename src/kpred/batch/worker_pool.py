@@ -1,4 +1,4 @@
-"""Who does the work: a few workers that take tasks and give outcomes back, on this machine or on a cluster."""
+"""Worker pools: they take groups of tasks and return outcomes, on this machine or on a cluster."""
 
 from __future__ import annotations
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from kpred.fitting.encoding import Observation, observe
+from kpred.fitting.encoding import ScanEncoding, encode_scan
 from kpred.nn import KPRed
 from kpred.ops.chamfer import squared_distances
-from kpred.ops.sampling import at_even_steps
+from kpred.ops.sampling import subsample
 from kpred.ops.typing import Float, Int
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.keypoints import Refined, refine_candidates
@@ -35,7 +35,7 @@ class ModelTable:
     def nearest(
         self, tokens: Float[Tensor, "scans keypoints size"], weights: Float[Tensor, "scans keypoints"], top_k: int
     ) -> tuple[Int[Tensor, "scans models"], Float[Tensor, "scans models"]]:
-        """Rows of the `top_k` models nearest to each scan by weighted L1 distance of tokens, and their distances."""
+        """Return rows and weighted L1 token distances of the `top_k` models nearest to each scan."""
         each = torch.cdist(tokens.transpose(0, 1).contiguous(), self.tokens.transpose(0, 1).contiguous(), p=1.0)
         distance = torch.einsum("ksm,sk->sm", each, weights)
         found = distance.topk(min(top_k, len(self.tokens)), dim=1, largest=False, sorted=True)
@@ -67,35 +67,35 @@ class ScanBatch:
     def retrieved(
         cls, scans: Float[Tensor, "scans points 3"], network: KPRed, table: ModelTable, top_k: int, partial: bool
     ) -> ScanBatch:
-        """Scans encoded by a network, with the models nearest to each."""
-        seen = observe(scans, network, partial)
+        """Encode scans by a network and retrieve the models nearest to each."""
+        seen = encode_scan(scans, network, partial)
         rows, distances = table.nearest(seen.tokens, seen.weights, top_k)
         return cls.of(seen, rows, distances, table, partial)
 
     @classmethod
-    def of(cls, seen: Observation, rows: Tensor, distances: Tensor, table: ModelTable, partial: bool) -> ScanBatch:
-        """Scans that were encoded and searched for."""
+    def of(cls, seen: ScanEncoding, rows: Tensor, distances: Tensor, table: ModelTable, partial: bool) -> ScanBatch:
+        """Build the batch of scans that are encoded and searched already."""
         displacement = seen.keypoints[:, None] - table.keypoints[rows]
         return cls(
             seen.points, seen.confidence, partial, rows, distances, table.points[rows], table.basis[rows], displacement
         )
 
     def deformed(self) -> Float[Tensor, "scans models points 3"]:
-        """S + B d of every model."""
+        """Compute S + B d of every model."""
         return self.points + self.basis @ self.displacement
 
-    def errors(self, most: int | None = None) -> Float[Tensor, "scans models"]:
-        """CD or, for partial scans, UCD; unit box squared; infinite for those that refinement stopped.
+    def errors(self, max_points: int | None = None) -> Float[Tensor, "scans models"]:
+        """Compute CD (partial scans: UCD), unit box squared; infinite for models that refinement stopped.
 
-        `most` bounds the queries of each cloud, which are searched among all points of the other.
+        `max_points` bounds the queries of each cloud, which are searched among all points of the other.
         """
         if self.finalists is not None:
             errors = torch.full_like(self.distances, torch.inf)
-            return errors.scatter(1, self.finalists, self.take(self.finalists).errors(most))
+            return errors.scatter(1, self.finalists, self.take(self.finalists).errors(max_points))
         scans, models = self.rows.shape
         result, goal = self.deformed().flatten(0, 1), self.targets.repeat_interleave(models, 0)
-        forth = squared_distances(at_even_steps(goal, most), result).mean(1)
-        total = forth if self.partial else forth + squared_distances(at_even_steps(result, most), goal).mean(1)
+        forth = squared_distances(subsample(goal, max_points), result).mean(1)
+        total = forth if self.partial else forth + squared_distances(subsample(result, max_points), goal).mean(1)
         return total.view(scans, models)
 
     def refined(self, config: RefineConfig) -> ScanBatch:
@@ -114,7 +114,7 @@ class ScanBatch:
         return replace(self, displacement=displacement, finalists=ahead)
 
     def take(self, columns: Int[Tensor, "scans few"]) -> ScanBatch:
-        """Some of the models of each scan, whether they were finalists or not."""
+        """Select some of the models of each scan."""
         scan = torch.arange(len(columns), device=columns.device)[:, None]
         return replace(
             self,
@@ -127,7 +127,7 @@ class ScanBatch:
         )
 
     def _refined(self, config: RefineConfig, network: Tensor) -> Refined:
-        """Of all scans' models, one after the other."""
+        """Refine the models of all scans, flattened to one batch."""
         models = self.rows.shape[1]
         return refine_candidates(
             self.points.flatten(0, 1),

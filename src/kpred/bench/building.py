@@ -23,7 +23,7 @@ from kpred.training.stages import DeformationStage
 
 
 def build_figure(model: Model, work: Path, models: int = 48) -> Figure:
-    """Models a second, from meshes in memory to the file, and with coordinates in plain torch (points alone)."""
+    """Measure models built per second, also with mean value coordinates in plain torch."""
     category = model.categories[0]
     pack = generate(category, models, seed=11, splits=False)
     shapes = [(str(name), category, "source", mesh) for name, mesh in zip(pack.model_id, pack, strict=True)]
@@ -42,7 +42,7 @@ def build_figure(model: Model, work: Path, models: int = 48) -> Figure:
 
 
 def training_figure(steps: int = 5, batch: int = 16) -> Figure:
-    """Seconds of a deformation step, beside the same with the sources' coordinates computed again in plain torch."""
+    """Measure seconds of a deformation step, also with the sources' coordinates recomputed in plain torch."""
     config = TrainConfig(deformation=StageConfig(batch=batch), warmup=0)
     network = new_network(preset("kp-red-plus", "chair"), seed=0)
     data = prepare([generate("chair", 40, seed=0)], network, config.points, seed=0)
@@ -66,7 +66,7 @@ def training_figure(steps: int = 5, batch: int = 16) -> Figure:
 
 
 def start_figures() -> Iterator[Figure]:
-    """`import kpred` and `kpred --help`, beside Python alone."""
+    """Measure seconds of `import kpred` and `kpred --help`, beside Python alone."""
 
     def python(*words: str) -> None:
         subprocess.run([sys.executable, *words], check=True, capture_output=True)

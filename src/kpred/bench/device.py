@@ -1,4 +1,4 @@
-"""Fits and training steps a second on a device, beside what it could do at most; torch, numpy and safetensors alone."""
+"""Fits and training steps per second on a device, beside its peak; needs torch, numpy and safetensors only."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Rate:
     memory: float
 
     def to_json(self) -> dict[str, Any]:
-        """As plain values."""
+        """Return plain values for JSON."""
         return asdict(self)
 
 
@@ -64,20 +64,20 @@ class Sizes:
     points: int = POINTS
 
 
-def device_figures(device: torch.device, sizes: Sizes, tell: Callable[[str], None]) -> tuple[Peaks, list[Rate]]:
-    """All figures; `tell` is given a word on each as it comes."""
+def device_figures(device: torch.device, sizes: Sizes, report: Callable[[str], None]) -> tuple[Peaks, list[Rate]]:
+    """Measure all figures of a device; `report` receives a line for each."""
     torch.set_float32_matmul_precision("high")
-    most = peaks(device, sizes.matrix)
-    tell(f"peaks: {most.products:.3g} and {most.plain:.3g} operations/s, {most.traffic:.3g} bytes/s")
+    peak = peaks(device, sizes.matrix)
+    report(f"peaks: {peak.products:.3g} and {peak.plain:.3g} operations/s, {peak.traffic:.3g} bytes/s")
     found = []
-    for rate in (*fit_rates(device, sizes, most), *training_rates(device, sizes, most)):
-        tell(f"{rate.name}: {rate.rate:.4g} {rate.each}/s")
+    for rate in (*fit_rates(device, sizes, peak), *training_rates(device, sizes, peak)):
+        report(f"{rate.name}: {rate.rate:.4g} {rate.each}/s")
         found.append(rate)
-    return most, found
+    return peak, found
 
 
-def fit_rates(device: torch.device, sizes: Sizes, most: Peaks) -> Iterator[Rate]:
-    """Fits of full scans of chairs in their known frames by the bundled model: feed-forward, and keypoints refined."""
+def fit_rates(device: torch.device, sizes: Sizes, peak: Peaks) -> Iterator[Rate]:
+    """Measure fits of full chairs in known frames by the bundled model: feed-forward, and keypoints refined."""
     network = load_model(None, device)["chair"]
     table = model_table(generate("chair", sizes.models, seed=7, splits=False), network, sizes, device)
     scans = scans_of(generate("chair", min(sizes.batch, 64), seed=99), sizes, device)
@@ -94,11 +94,11 @@ def fit_rates(device: torch.device, sizes: Sizes, most: Peaks) -> Iterator[Rate]
 
     where = f"batch {sizes.batch}, {len(table.tokens)} models, top {sizes.top_k}"
     for name, work in (("fit, feed-forward", feed_forward), ("fit, keypoints refined", refined)):
-        yield _rate(f"{name}, {where}", "fits", sizes.batch, work, device, sizes.repeats, most)
+        yield _rate(f"{name}, {where}", "fits", sizes.batch, work, device, sizes.repeats, peak)
 
 
 def model_table(pack: MeshPack, network: KPRed, sizes: Sizes, device: torch.device) -> ModelTable:
-    """The shapes of a pack as a database holds them."""
+    """Encode the shapes of a pack as a database stores them."""
     data = prepare([pack], network, sizes.points, 0, device, batch=64)
     made = RetrievalStage(network, data, TrainConfig())
     tokens = []
@@ -109,15 +109,15 @@ def model_table(pack: MeshPack, network: KPRed, sizes: Sizes, device: torch.devi
 
 
 def scans_of(pack: MeshPack, sizes: Sizes, device: torch.device) -> Tensor:
-    """(batch, points, 3): clouds of shapes in their unit boxes, several of each shape."""
+    """Sample clouds (batch, points, 3) of shapes in their unit boxes, several of each shape."""
     data = prepare([pack], None, sizes.points, 1, device)
     generator = torch.Generator(device=device).manual_seed(0)
     rows = torch.arange(sizes.batch, device=device) % len(data.pool)
     return data.clouds(rows, sizes.points, generator)
 
 
-def training_rates(device: torch.device, sizes: Sizes, most: Peaks) -> Iterator[Rate]:
-    """Steps of the three stages, of this project's model and of the paper's."""
+def training_rates(device: torch.device, sizes: Sizes, peak: Peaks) -> Iterator[Rate]:
+    """Measure steps of the three stages, of the bundled architecture and of the paper's."""
     pack = generate("chair", sizes.shapes, seed=3, splits=False)
     for name, config in (("kp-red-plus", TrainConfig(ranking_weight=0.5)), ("kp-red", PAPER)):
         config = replace(config, points=min(config.points, sizes.points), warmup=0)
@@ -126,13 +126,13 @@ def training_rates(device: torch.device, sizes: Sizes, most: Peaks) -> Iterator[
         for stage in STAGES:
             work, batch = training_step(network, data, config, stage, device)
             title = f"{name}, training step of {stage}, batch {batch}, {config.points} points"
-            yield _rate(title, "steps", 1, work, device, sizes.repeats, most)
+            yield _rate(title, "steps", 1, work, device, sizes.repeats, peak)
 
 
 def training_step(
     network: KPRed, data: TrainingData, config: TrainConfig, stage: str, device: torch.device
 ) -> tuple[Callable[[], object], int]:
-    """A step as the training loop takes it, and its batch."""
+    """Prepare a training step as the loop runs it, and its batch."""
     made = STAGE_CLASSES[stage](network, data, config)
     made.start()
     optimizer = torch.optim.Adam(made.parameters(), lr=1e-4)
@@ -148,8 +148,8 @@ def training_step(
     return step, made.settings.batch
 
 
-def record_of(device: torch.device, sizes: Sizes, most: Peaks, rates: list[Rate]) -> dict[str, Any]:
-    """Everything, as plain values."""
+def record_of(device: torch.device, sizes: Sizes, peak: Peaks, rates: list[Rate]) -> dict[str, Any]:
+    """Return all figures as plain values for JSON."""
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else "cpu"
     from kpred.ops import nearest
 
@@ -158,18 +158,18 @@ def record_of(device: torch.device, sizes: Sizes, most: Peaks, rates: list[Rate]
         "torch": torch.__version__,
         "fused_search": device.type == "cuda" and nearest._fused() is not None,
         "precision": torch.get_float32_matmul_precision(),
-        "peaks": asdict(most),
+        "peaks": asdict(peak),
         "sizes": asdict(sizes),
         "figures": [rate.to_json() for rate in rates],
     }
 
 
 def _rate(
-    name: str, each: str, count: int, work: Callable[[], object], device: torch.device, repeats: int, most: Peaks
+    name: str, each: str, count: int, work: Callable[[], object], device: torch.device, repeats: int, peak: Peaks
 ) -> Rate:
     found = times(work, device, repeats)
     middle = statistics.median(found)
     cost = cost_of(work)
-    least = most.seconds(cost)
-    shares = {key: value / middle for key, value in least.items()}
-    return Rate(name, count / middle, middle, min(found), each, cost, shares["arithmetic"], shares["memory"])
+    least = peak.seconds(cost)
+    fractions = {key: value / middle for key, value in least.items()}
+    return Rate(name, count / middle, middle, min(found), each, cost, fractions["arithmetic"], fractions["memory"])

@@ -52,12 +52,12 @@ class Figure:
         return ratio if self.higher_is_better else 1 / ratio
 
     def to_json(self) -> dict[str, Any]:
-        """All of it, as plain values."""
+        """Return plain values for JSON."""
         return {**self.__dict__, "met": self.met, "gain": self.gain}
 
 
 def seconds(work: Callable[[], object], repeats: int, warm: int = 1) -> list[float]:
-    """Wall-clock seconds of `repeats` runs after `warm` that do not count."""
+    """Measure wall-clock seconds of `repeats` runs, after `warm` runs that are ignored."""
     for _ in range(warm):
         work()
     found = []
@@ -77,19 +77,19 @@ def timed_figure(
     scale: float = 1000.0,
     unit: str = "ms",
 ) -> Figure:
-    """A figure of times in seconds, by default told in milliseconds."""
+    """Make a figure of times in seconds, by default shown in milliseconds."""
     plain = statistics.median(baseline_times) * scale if baseline_times else None
     value = statistics.median(times) * scale
     return Figure(name, value, unit, limit, len(times), min(times) * scale, baseline, plain, load())
 
 
 def load() -> float:
-    """Mean number of processes that ran or waited in the last minute."""
+    """Return the mean number of processes that ran or waited in the last minute."""
     return os.getloadavg()[0]
 
 
 def machine(threads: int) -> dict[str, Any]:
-    """What the figures were measured on."""
+    """Return processor, cores, memory and threads of this machine."""
     from importlib.metadata import version
 
     facts: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""How long a fit takes, with model and database warm: 2048 points, top 10, on a database of a thousand models."""
+"""Time of a fit with warm model and database: 2048 points, top 10, a database of a thousand models."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ CASES: dict[str, tuple[float, dict[str, Any]]] = {
 """Case -> the most milliseconds that it may take, and options of `fit`."""
 
 
-def models_database(path: Path, model: Model, models: int, tell: Callable[[int, int], None]) -> Path:
-    """A database of that many generated models, a third of each category; built once and kept."""
+def models_database(path: Path, model: Model, models: int, report: Callable[[int, int], None]) -> Path:
+    """Build a database of `models` generated models, a third of each category, unless it exists."""
 
     def shapes() -> Iterator[Shape]:
         for category in model.categories:
@@ -41,12 +41,12 @@ def models_database(path: Path, model: Model, models: int, tell: Callable[[int, 
             for name, mesh in zip(pack.model_id, pack, strict=True):
                 yield Shape(str(name), category, "source", mesh)
 
-    build_database(path, shapes(), model, progress=lambda done: tell(done, models))
+    build_database(path, shapes(), model, progress=lambda done: report(done, models))
     return path
 
 
 def scans(model: Model, count: int) -> dict[str, list[np.ndarray]]:
-    """Category -> full scans in their unit boxes, of generated shapes that are in no database."""
+    """Sample full scans in their unit boxes, by category, of generated shapes that are in no database."""
     generator = torch.Generator().manual_seed(0)
     found: dict[str, list[np.ndarray]] = {}
     for category in model.categories:
@@ -58,8 +58,8 @@ def scans(model: Model, count: int) -> dict[str, list[np.ndarray]]:
     return found
 
 
-def fit_figures(model: Model, path: Path, count: int, tell: Callable[[int, int], None]) -> Iterator[Figure]:
-    """Each case beside the same fit with what the database stores (cage, coordinates, bases) computed again."""
+def fit_figures(model: Model, path: Path, count: int, report: Callable[[int, int], None]) -> Iterator[Figure]:
+    """Measure each case, also with the stored cage, coordinates and bases recomputed."""
     clouds = scans(model, count)
     jobs = [(category, cloud) for category, cloud in enumerate_clouds(clouds)]
     with Database.open(path, read_only=True) as database:
@@ -74,7 +74,7 @@ def fit_figures(model: Model, path: Path, count: int, tell: Callable[[int, int],
 
                 # What a fit reads of the database is in memory then, as in a program that fits many scans.
                 times += seconds(once, 1, warm=1)
-            tell(done + 1, len(CASES) + 1)
+            report(done + 1, len(CASES) + 1)
             middle = float(np.median(times))
             yield timed_figure(
                 f"{name}, {len(database)} models",
@@ -84,17 +84,17 @@ def fit_figures(model: Model, path: Path, count: int, tell: Callable[[int, int],
                 [middle + plain],
             )
         yield _nearest(database, jobs[0][0], jobs[0][1])
-        tell(len(CASES) + 1, len(CASES) + 1)
+        report(len(CASES) + 1, len(CASES) + 1)
 
 
 def enumerate_clouds(clouds: dict[str, list[np.ndarray]]) -> Iterator[tuple[str, np.ndarray]]:
-    """Scans of all categories in turn."""
+    """Yield scans of all categories alternately."""
     for row in zip(*clouds.values(), strict=True):
         yield from zip(clouds, row, strict=True)
 
 
 def _recomputed(model: Model, database: Database, categories: list[str]) -> float:
-    """Median seconds for cage and mean value coordinates of ten models in plain torch."""
+    """Measure median seconds for cage and mean value coordinates of ten models in plain torch."""
     times = []
     for category in categories:
         network = model[category]
@@ -109,7 +109,7 @@ def _recomputed(model: Model, database: Database, categories: list[str]) -> floa
 
 
 def _nearest(database: Database, category: str, cloud: np.ndarray) -> Figure:
-    """Both directions of the Chamfer distance to ten candidates: the compiled kernel and SciPy's KD-trees."""
+    """Measure the Chamfer distance to ten candidates: compiled kernel and SciPy's KD-trees."""
     from scipy.spatial import cKDTree
 
     points = database.candidates(category, database.model_ids(category)[:10]).points

@@ -38,15 +38,15 @@ class Point:
 
 
 def synthetic_tokens(base: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, K, C) float16 that lie as real tokens do: between two models of `base` (M, K, C), a little beside it."""
+    """Draw tokens (count, K, C) float16 distributed like real ones: near lines between models of `base` (M, K, C)."""
     a, b = rng.integers(0, len(base), (2, count))
-    share = rng.uniform(size=(count, 1, 1)).astype(np.float32)
+    fraction = rng.uniform(size=(count, 1, 1)).astype(np.float32)
     beside = 0.02 * rng.standard_normal((count, *base.shape[1:]), dtype=np.float32)
-    return (base[a] * share + base[b] * (1 - share) + beside).astype(np.float16)
+    return (base[a] * fraction + base[b] * (1 - fraction) + beside).astype(np.float16)
 
 
 def base_tokens(database: Database) -> np.ndarray:
-    """Tokens (M, K, C) of the database's largest category."""
+    """Return the tokens (M, K, C) of the database's largest category."""
     categories = database.info()["categories"]
     category = max(categories, key=lambda name: int(categories[name]["models"]))
     return np.stack([database.entry(name).tokens for name in database.model_ids(category)[:120]])
@@ -57,10 +57,10 @@ def search_figures(
     work: Path,
     sizes: list[int],
     curve: list[Point],
-    tell: Callable[[int, int], None],
+    report: Callable[[int, int], None],
     queries: int = 20,
 ) -> Iterator[Figure]:
-    """Every size in turn; points of the scaling curve are put into `curve`."""
+    """Measure the search of each size; appends points of the scaling curve to `curve`."""
     base = base_tokens(database)
     for models in sorted(sizes):
         _check_room(work, models, base)
@@ -74,7 +74,7 @@ def search_figures(
 
         started = time.perf_counter()
         shape = (models, *base.shape[1:])
-        made = make_table(file, TableKey("", "", "", models), shape, rows(), partial(_tell_of, tell, 2 * models))
+        made = make_table(file, TableKey("", "", "", models), shape, rows(), partial(_report_of, report, 2 * models))
         make = time.perf_counter() - started
         del made
         before = _resident()
@@ -99,29 +99,29 @@ def search_figures(
         file.unlink()
 
 
-def _tell_of(tell: Callable[[int, int], None], total: int, done: int) -> None:
-    tell(done, total)
+def _report_of(report: Callable[[int, int], None], total: int, done: int) -> None:
+    report(done, total)
 
 
 def _brute_force(table: TokenTable, query: np.ndarray, models: int) -> tuple[str, list[float]]:
-    """The plain exact path in one pass over float32 tokens; checks that it finds the same."""
-    most = min(models, _BRUTE_MODELS)
-    tokens = torch.from_numpy(table.half[:most].astype(np.float32)).flatten(1)
+    """Measure the exact search in one pass over float32 tokens, and check that it finds the same."""
+    max_models = min(models, _BRUTE_MODELS)
+    tokens = torch.from_numpy(table.half[:max_models].astype(np.float32)).flatten(1)
     flat = torch.from_numpy(query).flatten()[None]
-    times = seconds(lambda: torch.cdist(flat, tokens, p=1.0)[0].topk(min(10, most), largest=False), 3)
-    if most == models:
+    times = seconds(lambda: torch.cdist(flat, tokens, p=1.0)[0].topk(min(10, max_models), largest=False), 3)
+    if max_models == models:
         distances = exact_distances(table.half[:], query, np.ones(len(query)))
         ids = [f"m{i:09d}" for i in range(models)]
         wanted = as_result(nearest(ids, distances, 10))
         found = table.search(query)
         if found.model_ids != wanted.model_ids or not np.array_equal(found.distances, wanted.distances):
             raise AssertionError("the search does not find what the reference finds")
-    name = "torch.cdist" if most == models else f"torch.cdist of {most} models, scaled"
-    return name, [t * models / most for t in times]
+    name = "torch.cdist" if max_models == models else f"torch.cdist of {max_models} models, scaled"
+    return name, [t * models / max_models for t in times]
 
 
 def _peers(table: TokenTable, queries: np.ndarray) -> Iterator[Figure]:
-    """The same search by SciPy, and by FAISS where it is installed."""
+    """Measure the same search by SciPy, and by FAISS where it is installed."""
     from scipy.spatial.distance import cdist
 
     tokens = table.half[:].astype(np.float32).reshape(len(table), -1)
@@ -141,7 +141,7 @@ def _peers(table: TokenTable, queries: np.ndarray) -> Iterator[Figure]:
 
 
 def _resident() -> int:
-    """Bytes of this process that are in memory."""
+    """Return the bytes of this process that are in memory."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[1]) * 4096

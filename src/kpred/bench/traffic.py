@@ -65,7 +65,7 @@ def _bytes(tensor: Tensor) -> int:
 
 @contextmanager
 def _searches(cost: Cost) -> Iterator[None]:
-    """Counts what the fused search does, which torch does not see; without that search, nothing."""
+    """Count the operations of the fused search, which torch does not see."""
     found = nearest._fused
 
     def counting() -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]] | None:
@@ -114,7 +114,7 @@ class Peaks:
     traffic: float
 
     def seconds(self, cost: Cost) -> dict[str, float]:
-        """Least time of the arithmetic and of the memory traffic, each for itself."""
+        """Return the minimum time of the arithmetic and of the memory traffic, each on its own."""
         return {
             "arithmetic": cost.products / self.products + cost.pairs * OPERATIONS_A_PAIR / self.plain,
             "memory": cost.traffic / self.traffic,
@@ -134,12 +134,12 @@ def peaks(device: torch.device, side: int = 8192) -> Peaks:
 
 
 def best_seconds(work: Callable[[], object], device: torch.device, repeats: int = 5) -> float:
-    """Least time of a run after one that does not count; waits for the device."""
+    """Measure the minimum time of a run, after a warm-up run; waits for the device."""
     return min(times(work, device, repeats))
 
 
 def times(work: Callable[[], object], device: torch.device, repeats: int) -> list[float]:
-    """Seconds of each of several runs after one that does not count; waits for the device."""
+    """Measure seconds of several runs, after a warm-up run; waits for the device."""
     import time
 
     work()
@@ -154,6 +154,6 @@ def times(work: Callable[[], object], device: torch.device, repeats: int) -> lis
 
 
 def wait(device: torch.device) -> None:
-    """Until the device has done all that it was given."""
+    """Wait until the device has finished its queue."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)

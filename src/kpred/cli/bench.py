@@ -119,7 +119,7 @@ class BenchCommand(Command):
             raise UsageError(f"{self.plot}: the plot is a .png or .pdf file; give it one of these extensions.")
 
     def _device(self, output: Output) -> dict[str, Any]:
-        """Figures of the device; they have other columns than those of the CPU."""
+        """Measure and print the figures of the device; they have other columns than the CPU's."""
         import torch
 
         from kpred.bench.device import FIGURES, Sizes, device_figures, record_of
@@ -132,15 +132,15 @@ class BenchCommand(Command):
         done = 0
         with ProgressBar() as bar:
 
-            def tell(line: str) -> None:
+            def report(line: str) -> None:
                 nonlocal done
                 done += 1
                 bar.update("measuring the device", done, FIGURES + 1, line)
 
-            most, rates = device_figures(device, sizes, tell)
-        record = record_of(device, sizes, most, rates)
+            peak, rates = device_figures(device, sizes, report)
+        record = record_of(device, sizes, peak, rates)
         output.table(
-            f"{record['device']}: shares of the time that its peaks would need for the arithmetic and for the memory",
+            f"{record['device']}: fractions of the time its peaks would need for arithmetic and for memory",
             ["figure", "a second", "", "ms a run", "arithmetic", "memory", "operations"],
             [
                 [
@@ -148,7 +148,7 @@ class BenchCommand(Command):
                     one.rate,
                     one.each,
                     1000 * one.seconds,
-                    *map(_share, (one.arithmetic, one.memory)),
+                    *map(_percent, (one.arithmetic, one.memory)),
                     one.cost.operations,
                 ]
                 for one in rates
@@ -162,31 +162,31 @@ class BenchCommand(Command):
         from kpred.fitting import bundled_database_path
         from kpred.nn import load_model
 
-        def tell(task: str) -> Any:
+        def report(task: str) -> Any:
             return lambda done, total: bar.update(task, done, total)
 
         if "start" in self.only:
             yield from building.start_figures()
         model = load_model(None) if {"fit", "build"} & set(self.only) else None
         if model is not None and "fit" in self.only:
-            file = fits.models_database(folder / f"{self.models}.kpred", model, self.models, tell("building"))
-            yield from fits.fit_figures(model, file, self.scans, tell("fitting"))
+            file = fits.models_database(folder / f"{self.models}.kpred", model, self.models, report("building"))
+            yield from fits.fit_figures(model, file, self.scans, report("fitting"))
         if "search" in self.only:
             with Database.open(bundled_database_path(), read_only=True) as database:
                 sizes = list(self.sizes)
-                yield from searching.search_figures(database, folder, sizes, curve, tell("making tables"))
+                yield from searching.search_figures(database, folder, sizes, curve, report("making tables"))
         if "server" in self.only:
             from kpred.bench.server import server_figures
 
             with Database.open(bundled_database_path(), read_only=True) as database:
-                yield from server_figures(database, self.server_models, tell("filling a server"))
+                yield from server_figures(database, self.server_models, report("filling a server"))
         if model is not None and "build" in self.only:
             yield building.build_figure(model, folder)
         if "training" in self.only:
             yield building.training_figure()
 
 
-def _share(value: float) -> str:
+def _percent(value: float) -> str:
     return f"{value:.0%}"
 
 

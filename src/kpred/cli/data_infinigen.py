@@ -38,7 +38,7 @@ class InfinigenCommand(Command):
     """Python that has infinigen; without it, the one that runs kpred"""
     workers: Annotated[int, arg(metavar="N")] = 1
     """Processes, each with a Blender of its own (2 GB)"""
-    most_faces: Annotated[int, arg(metavar="N")] = 3000
+    max_faces: Annotated[int, arg(metavar="N")] = 3000
     """Triangles that a shape is reduced to"""
 
     def run(self, output: Output) -> None:
@@ -61,7 +61,7 @@ class InfinigenCommand(Command):
                     self.seed,
                     self.python,
                     self.workers,
-                    self.most_faces,
+                    self.max_faces,
                     bar.update,
                 )
         except KeyboardInterrupt as error:
@@ -76,11 +76,11 @@ class InfinigenCommand(Command):
                 "splits": splits,
                 "made": done.made,
                 "kept": done.kept,
-                "failed": [vars(lack) for lack in done.failed],
+                "failed": [vars(issue) for issue in done.failed],
             }
         )
         counts = Counter(done.pack.extra["factory"].tolist())
         output.table(f"{self.output}: {self.category}", ["factory", "shapes"], sorted(counts.items()))
         output.note(f"{done.made} shapes made, {done.kept} kept from before, {len(done.failed)} failed")
-        for lack in done.failed[:10]:
-            output.note(f"failed: {lack.name}: {lack.why}")
+        for issue in done.failed[:10]:
+            output.note(f"failed: {issue.name}: {issue.why}")

@@ -13,7 +13,7 @@ from kpred.cli.command import Command
 from kpred.cli.output import Output
 
 if TYPE_CHECKING:
-    from kpred.datasets import Dataset, Lack
+    from kpred.datasets import Dataset, Issue
 
 Kind = Literal["auto", "shapenet", "scan2cad", "modelnet", "packs", "folder"]
 
@@ -39,7 +39,7 @@ class _DatasetCommand(Command):
     """Only this category (chair, table, cabinet, ...)"""
 
     def dataset(self) -> Dataset:
-        """The data set that the options name."""
+        """Open the data set that the options name."""
         from kpred.datasets import open_dataset
 
         return open_dataset(
@@ -77,8 +77,8 @@ class CheckCommand(_DatasetCommand):
         for remark in check.remarks:
             output.note(f"note: {remark}")
         if not check.complete:
-            _print_lacks(output, "missing or broken", check.lacks)
-            counts = Counter(lack.what for lack in check.lacks)
+            _print_lacks(output, "missing or broken", check.issues)
+            counts = Counter(issue.what for issue in check.issues)
             numbers = ", ".join(f"{count} x {what}" for what, count in counts.items())
             raise PackError(f"{check.path}: it is not complete ({numbers}); the list says what to do.")
         output.note("complete")
@@ -124,7 +124,7 @@ class PrepareCommand(_DatasetCommand):
             _print_lacks(output, "left out", done.skipped)
 
 
-def _print_lacks(output: Output, title: str, lacks: tuple[Lack, ...]) -> None:
-    output.table(title, ["what", "name", "why"], [(lack.what, lack.name, lack.why) for lack in lacks[:SHOWN]])
-    if len(lacks) > SHOWN:
-        output.note(f"and {len(lacks) - SHOWN} more; --json names all")
+def _print_lacks(output: Output, title: str, issues: tuple[Issue, ...]) -> None:
+    output.table(title, ["what", "name", "why"], [(issue.what, issue.name, issue.why) for issue in issues[:SHOWN]])
+    if len(issues) > SHOWN:
+        output.note(f"and {len(issues) - SHOWN} more; --json names all")

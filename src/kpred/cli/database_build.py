@@ -43,7 +43,7 @@ class _Encoding(Command):
     """Processes that encode, one thread each; without it this one, with its threads (on Ray, one a CPU)"""
     ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Encode on a Ray cluster: auto, local or its address; only this machine needs to see meshes and database"""
-    gpus_per_worker: Annotated[float, arg(metavar="SHARE")] = 0.0
+    gpus_per_worker: Annotated[float, arg(metavar="FRACTION")] = 0.0
     """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
 
     update: Annotated[bool, arg(help_behavior_hint="")] = False
@@ -118,7 +118,7 @@ class _Encoding(Command):
 
     @contextmanager
     def _cluster(self, model: Model) -> Iterator[RayEncoder | None]:
-        """The workers of a Ray cluster, where one is asked for."""
+        """Connect to the Ray cluster named by the options, or return None."""
         if self.ray is None:
             yield None
             return

@@ -46,7 +46,7 @@ class CopyCommand(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class UpdateCommand(Command):
-    """Bring a database of an older kpred up to date: compute what it lacks, and leave the rest to the bit.
+    """Update a database of an older kpred: compute what is missing; other data stays identical.
 
     An update that was stopped leaves the database as it was.
 

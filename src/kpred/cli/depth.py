@@ -135,7 +135,7 @@ class FitDepthCommand(Command):
         describe(output, result, files)
 
     def _doubts(self, result: Fit) -> list[str]:
-        """What the depths' unit and the missing pose may have spoilt."""
+        """Return warnings about the depths' unit and a missing pose."""
         import numpy as np
 
         from kpred.shapes.furniture_size import size_warning
@@ -148,7 +148,7 @@ class FitDepthCommand(Command):
         return found
 
     def _scan(self, output: Output) -> MergedScan:
-        """The pictures' points in one cloud. Everything that can be wrong with the photograph is found here too."""
+        """Read the pictures as one cloud of points, and check the photograph."""
         import numpy as np
 
         from kpred.rendering.overlay import read_photograph

@@ -19,7 +19,7 @@ def limit_threads(number: int) -> None:
 
 
 def found_device(name: str) -> str:
-    """The device of this name; `auto` is CUDA where there is one.
+    """Return the device of this name; `auto` is CUDA where there is one.
 
     Raises:
         ConfigError: if it is not there.

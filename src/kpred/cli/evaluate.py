@@ -22,7 +22,7 @@ from kpred.cli.usage import UsageError
 
 @dataclass(frozen=True, kw_only=True)
 class ShapesCommand(Command):
-    """Measure a model on the whole shapes of mesh packs: best of the top k, mean over the shapes of a split.
+    """Measure a model on whole shapes of mesh packs: best of the top k, mean over a split.
 
     The same run measures the true nearest undeformed shapes and a baseline without learning, and how clean the deformed
     meshes are. Without --database, the
@@ -49,7 +49,7 @@ class ShapesCommand(Command):
     """How many retrieved models are deformed and compared; several numbers are measured in one run"""
     protocol: Literal["full", "partial", "all"] = "full"
     """Whole clouds, clouds cut by a random plane, or both; always in the frame of the whole shape"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Shares hidden in the partial protocol"""
     limit: Annotated[int | None, arg(metavar="N")] = None
     """At most so many targets a pack, drawn at random by the seed"""

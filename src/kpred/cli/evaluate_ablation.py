@@ -68,7 +68,7 @@ class AblationCommand(PackTableCommand):
     """Train nothing: only rows that are trained to the end"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Shares hidden where CB is measured"""
     device: Annotated[str, arg(metavar="DEVICE")] = "auto"
     """Trains on: auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
@@ -133,7 +133,7 @@ class AblationCommand(PackTableCommand):
         self.finish(output, table, time.perf_counter() - began, self.show)
 
     def show(self, output: Output, table: Table) -> None:
-        """The paper's table, its figure, and what each part does."""
+        """Return the paper's table, its figure, and what each part does."""
         for dataset in table.datasets():
             _print_full(output, table, dataset, self.top_k)
             partial = [one for one in errors_of(table, dataset) if one.protocol == "partial"]

@@ -59,5 +59,5 @@ def print_cleanliness_of(output: Output, table: Table, dataset: str, categories:
 
 
 def _cell(value: tuple[float, float] | None, which: int, factor: float) -> float | None:
-    """The mean (0) or the 95th percentile (1), to four digits after the point."""
+    """Return the mean (0) or the 95th percentile (1), to four digits after the point."""
     return None if value is None else round(factor * value[which], 4)

@@ -32,17 +32,17 @@ class OracleCommand(MeasuredCommand):
     """At most so many targets a pack, drawn at random by the seed"""
     top_k: Annotated[tuple[int, ...], arg(metavar="K [K ...]")] = (1, 5, 10, 25)
     """Numbers of retrieved models"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = ()
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = ()
     """Judge shapes cut by a plane too, with these shares hidden"""
 
     def config(self) -> TableConfig:
-        """The plan."""
+        """Return the plan."""
         from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig("oracle", self.split, self.limit, self.seed, self.top_k, self.occlusions)
 
     def show(self, output: Output, table: Table) -> None:
-        """Orders and numbers of candidates, a table for each category."""
+        """Return orders and numbers of candidates, a table for each category."""
         for dataset in table.datasets():
             for category in table.categories(dataset):
                 for title, heads, wanted in _ORACLE_TABLES:

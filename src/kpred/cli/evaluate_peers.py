@@ -46,7 +46,7 @@ class PeersCommand(Command):
     """How many retrieved sources are deformed and compared"""
     protocol: Literal["full", "partial"] = "full"
     """Whole clouds, or clouds cut by a random plane (for which no peer was trained); frame of the whole shape"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Shares hidden in the partial protocol"""
     limit: Annotated[int | None, arg(metavar="N")] = None
     """At most so many targets a pack, drawn at random by the seed"""
@@ -139,7 +139,7 @@ class PeersCommand(Command):
 
 
 def _methods(name: str, place: str, refined_peers: bool) -> tuple[list[Method], dict[str, Any]]:
-    """The methods that a folder of weights stands for, and what they were made by, as plain values."""
+    """Return the methods that a folder of weights stands for, and what they were made by, as plain values."""
     from kpred.evaluation.header import made_by
     from kpred.evaluation.methods import KpRedMethod
     from kpred.nn.loading import load_model

@@ -64,7 +64,7 @@ class RealCommand(Command):
         from kpred.evaluation.scans.outcomes import Fitting
         from kpred.evaluation.scans.real_crops import evaluate_crops, read_crops, summarise_crops
         from kpred.evaluation.scans.scenes import evaluate_scenes, summarise_scenes
-        from kpred.fitting.defaults import as_database, as_model
+        from kpred.fitting.defaults import resolve_database, resolve_model
         from kpred.rendering.contact_sheet import check_picture, save_contact_sheet
 
         if self.annotations is not None and self.scene is None:
@@ -75,7 +75,7 @@ class RealCommand(Command):
             check_place(self.output)
         if self.picture is not None:
             check_picture(self.picture)
-        model, database = as_model(self.model), as_database(self.database)
+        model, database = resolve_model(self.model), resolve_database(self.database)
         how = Fitting(model, database, self.top_k, self.seed)
         remarks: list[str] = []
         crops: list[CropOutcome] = []

@@ -54,7 +54,7 @@ class Scan2CadCommand(TableCommand, ModelOptions):
         self.finish(output, table, time.perf_counter() - began, self.show)
 
     def show(self, output: Output, table: Table) -> None:
-        """Categories side by side."""
+        """Return categories side by side."""
         for dataset in table.datasets():
             categories = table.categories(dataset)
             count = {name: sum(name in (s.category, "all") for s in table.subjects()) for name in categories}

@@ -168,7 +168,7 @@ def _print(output: Output, report: ScansReport) -> None:
 
 
 def print_reliability(output: Output, found: Reliability) -> None:
-    """The bins as a table, ECE and AUC in its title."""
+    """Return the bins as a table, ECE and AUC in its title."""
     auc = "" if found.auc is None else f", area under ROC {found.auc:.3f}"
     output.table(
         f"confidence of {found.n} results against what is right: expected calibration error {found.ece:.3f}{auc}",

@@ -43,7 +43,7 @@ class FullCommand(MeasuredCommand):
     """Deform and compare all of the database as well (slow)"""
 
     def config(self) -> TableConfig:
-        """The plan."""
+        """Return the plan."""
         from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig(
@@ -57,7 +57,7 @@ class FullCommand(MeasuredCommand):
         )
 
     def show(self, output: Output, table: Table) -> None:
-        """Categories side by side."""
+        """Return categories side by side."""
         for dataset in table.datasets():
             categories = table.categories(dataset)
             series = errors_of(table, dataset)
@@ -93,13 +93,13 @@ class PartialCommand(MeasuredCommand):
 
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Shares of the points that are hidden"""
     unknown_frame: Annotated[bool, arg(help_behavior_hint="")] = False
     """Fit every target too where its place, size and yaw must be found"""
 
     def config(self) -> TableConfig:
-        """The plan."""
+        """Return the plan."""
         from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig(
@@ -113,7 +113,7 @@ class PartialCommand(MeasuredCommand):
         )
 
     def show(self, output: Output, table: Table) -> None:
-        """Occlusions side by side, a table for each category."""
+        """Return occlusions side by side, a table for each category."""
         for dataset in table.datasets():
             for category in table.categories(dataset):
                 print_pivot(
@@ -146,13 +146,13 @@ class TopKCommand(MeasuredCommand):
     """Deform and compare all of the database as well (slow)"""
 
     def config(self) -> TableConfig:
-        """The plan."""
+        """Return the plan."""
         from kpred.evaluation.tables.make_table import TableConfig
 
         return TableConfig("topk", self.split, self.limit, self.seed, self.top_k, oracle=self.oracle)
 
     def show(self, output: Output, table: Table) -> None:
-        """Numbers of candidates side by side, a table for each category."""
+        """Return numbers of candidates side by side, a table for each category."""
         for dataset in table.datasets():
             for category in table.categories(dataset):
                 print_pivot(

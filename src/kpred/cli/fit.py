@@ -119,7 +119,7 @@ class FitCommand(Command):
         describe(output, result, files)
 
     def _check(self) -> None:
-        """Options that make no sense, alone or together."""
+        """Refuse options that contradict each other."""
         if self.frame == "known" and (self.pose is not None or self.floor is not None):
             raise UsageError("--frame known says how and where the scan stands; leave out --pose and --floor.")
         if not self.clean and self.cleaning != CleanConfig():

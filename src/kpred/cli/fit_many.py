@@ -59,7 +59,7 @@ class FitManyCommand(Command):
     """Processes of one thread each; without it, one a core (on Ray, one a CPU of the cluster)"""
     ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Work on a Ray cluster: auto, local or its address; all machines must see scans and OUT under the same paths"""
-    gpus_per_worker: Annotated[float, arg(metavar="SHARE")] = 0.0
+    gpus_per_worker: Annotated[float, arg(metavar="FRACTION")] = 0.0
     """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
     attempts: Annotated[int, arg(metavar="N")] = 3
     """How often a scan is tried whose failure may have been an accident (a dead worker, a full disk)"""

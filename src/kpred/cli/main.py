@@ -129,19 +129,19 @@ def _run(name: str, words: list[str]) -> int:
 
 
 def _summary(found: Group | type[Command]) -> str:
-    """One line that says what a command, or a group of them, does."""
+    """Return the first line of the help of a command or group."""
     if isinstance(found, dict):
         return getattr(found, "summary", "") or f"One of: {', '.join(found)}."
     return (found.__doc__ or "").partition("\n")[0]
 
 
 def _no_word(word: str) -> bool:
-    """Whether an argument is an option or a path, not a misspelt command."""
+    """Test whether an argument is an option or a path, not a misspelt command."""
     return word.startswith("-") or "." in word or os.sep in word or os.path.exists(word)
 
 
 def _sentence(error: Exception) -> str:
-    """What went wrong, on one line, and how to mend it."""
+    """Format an error and its mend on one line."""
     from kpred.cli.output import printable
     from kpred.database.address import masked
 

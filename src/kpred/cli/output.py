@@ -25,7 +25,7 @@ class Output:
     """
 
     def __init__(self, as_json: bool, command: str = "") -> None:
-        """`command`: the command line, for files that say how they were made."""
+        """Start the output of one command; `command`: the command line, for records."""
         self.as_json = as_json
         self.command = command
         self._people: Console | None = None
@@ -43,15 +43,15 @@ class Output:
         return self._people
 
     def note(self, text: str) -> None:
-        """A line for people; plain text, no markup."""
+        """Print a line for people; plain text, no markup."""
         self.people.print("\n".join(map(printable, text.split("\n"))), markup=False)
 
     def caution(self, text: str) -> None:
-        """What may be wrong with the result: a line on standard error, whoever reads standard output."""
+        """Print a warning about the result to standard error, with or without ``--json``."""
         print(f"kpred: note: {printable(' '.join(text.split()))}", file=sys.stderr)
 
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """A table for people; columns that hold numbers only are set flush right."""
+        """Print a table for people; columns that hold numbers only are set flush right."""
         from rich import box
         from rich.table import Table
         from rich.text import Text
@@ -66,7 +66,7 @@ class Output:
         self.people.print(table)
 
     def result(self, value: Any) -> None:
-        """The machine-readable result: printed with ``--json``, else left to the tables."""
+        """Print the machine-readable result with ``--json``; do nothing without it."""
         if self.as_json:
             json.dump(plain(value), sys.stdout, indent=2, allow_nan=False)
             sys.stdout.write("\n")
@@ -74,7 +74,7 @@ class Output:
 
 
 def plain(value: Any) -> Any:
-    """`value` in JSON's own types: dataclasses, arrays and tensors, paths; NaN and infinity become null."""
+    """Convert `value` to JSON's own types: dataclasses, arrays and tensors, paths; NaN and infinity become null."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     elif hasattr(value, "tolist"):
@@ -93,7 +93,7 @@ def plain(value: Any) -> Any:
 
 
 def printable(text: str) -> str:
-    """A line without characters that steer a terminal: names of models and files may hold any."""
+    """Remove characters that control a terminal, as names of models and files may hold any."""
     return "".join(letter if letter.isprintable() or letter == "\t" else ascii(letter)[1:-1] for letter in text)
 
 

@@ -29,7 +29,7 @@ class _PlotCommand(Command):
 
     @abstractmethod
     def draw(self) -> Figure:
-        """The figure."""
+        """Draw the figure."""
 
     def run(self, output: Output) -> None:
         """Draw and write."""
@@ -58,7 +58,7 @@ class OcclusionCommand(_PlotCommand):
     """Measured from the whole surface, not only from what is seen"""
 
     def draw(self) -> Figure:
-        """The figure."""
+        """Draw the figure."""
         from kpred.evaluation.plots.occlusion import occlusion_figure
         from kpred.evaluation.tables.table import read_table
 
@@ -88,17 +88,19 @@ class TokensCommand(_DatabasePlotCommand):
 
     pictures: Annotated[int, arg(metavar="N")] = 60
     """At most so many models are shown as pictures"""
-    most: Annotated[int, arg(metavar="N")] = 600
+    max_models: Annotated[int, arg(metavar="N")] = 600
     """At most so many models, drawn by the seed"""
 
     def draw(self) -> Figure:
-        """The figure."""
+        """Draw the figure."""
         from kpred.evaluation.plots.tokens import tokens_figure
-        from kpred.fitting.defaults import as_database
+        from kpred.fitting.defaults import resolve_database
 
-        if self.most < 1 or self.pictures < 0:
-            raise UsageError("--most must be at least 1, and --pictures not negative")
-        return tokens_figure(as_database(self.database), self.category, self.pictures, self.most, seed=self.seed)
+        if self.max_models < 1 or self.pictures < 0:
+            raise UsageError("--max-models must be at least 1, and --pictures not negative")
+        return tokens_figure(
+            resolve_database(self.database), self.category, self.pictures, self.max_models, seed=self.seed
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,11 +115,11 @@ class KeypointsCommand(_DatabasePlotCommand):
     """How many models, drawn by the seed"""
 
     def draw(self) -> Figure:
-        """The figure."""
+        """Draw the figure."""
         from kpred.evaluation.plots.keypoints import keypoints_figure
-        from kpred.fitting.defaults import as_database
+        from kpred.fitting.defaults import resolve_database
 
-        return keypoints_figure(as_database(self.database), self.category, self.count, seed=self.seed)
+        return keypoints_figure(resolve_database(self.database), self.category, self.count, seed=self.seed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,12 +138,12 @@ class InfluenceCommand(_DatabasePlotCommand):
     """How many models, drawn by the seed"""
 
     def draw(self) -> Figure:
-        """The figure."""
+        """Draw the figure."""
         from kpred.evaluation.plots.keypoints import influence_figure
-        from kpred.fitting.defaults import as_database, as_model
+        from kpred.fitting.defaults import resolve_database, resolve_model
 
-        network = as_model(self.model)[self.category]
-        return influence_figure(as_database(self.database), network, self.keypoints, self.count, self.seed)
+        network = resolve_model(self.model)[self.category]
+        return influence_figure(resolve_database(self.database), network, self.keypoints, self.count, self.seed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,13 +161,13 @@ class GridCommand(_PlotCommand, ModelOptions):
     """Whose shapes are the targets"""
     count: Annotated[int, arg(metavar="N")] = 6
     """How many targets of each pack, drawn by the seed"""
-    occlusion: Annotated[float, arg(metavar="SHARE")] = 0.0
+    occlusion: Annotated[float, arg(metavar="FRACTION")] = 0.0
     """Share of each target that a plane hides"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
 
     def draw(self) -> Figure:
-        """The figure."""
+        """Draw the figure."""
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.plots.grid import GridConfig, grid_figure
 

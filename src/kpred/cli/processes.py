@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def count() -> int:
-    """How many processes torchrun has started; 1 without it."""
+    """Return the number of processes that torchrun has started; 1 without it."""
     return int(os.environ.get("WORLD_SIZE", "1"))
 
 
 def own_device(name: str) -> str:
-    """The device of this name; of several processes on a machine, each takes a GPU of its own.
+    """Return the device of this name; each of several processes on a machine takes its own GPU.
 
     Raises:
         ConfigError: it is not there, or there are fewer GPUs than processes.
@@ -43,19 +43,19 @@ def own_device(name: str) -> str:
 
 
 @contextmanager
-def together(device: str) -> Iterator[World]:
-    """The processes that torchrun has started, one without it; a single one speaks when they fail or are stopped."""
-    from kpred.training.distributed import LostError, StoppedElsewhereError, joined
+def joined_world(device: str) -> Iterator[World]:
+    """Join the processes that torchrun has started; only one reports failures and stops."""
+    from kpred.training.distributed import OtherProcessFailedError, ProcessLostError, join_processes
 
     rank = int(os.environ.get("RANK", "0"))
     try:
-        with joined(rank, count(), device) as world:
+        with join_processes(rank, count(), device) as world:
             yield world
-    except LostError as error:
+    except ProcessLostError as error:
         if rank == 0:
             raise
         raise SystemExit(1) from error
-    except StoppedElsewhereError as error:
+    except OtherProcessFailedError as error:
         raise SystemExit(1) from error
     except KeyboardInterrupt as error:
         if rank == 0:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class ProgressBar:
-    """One bar a task, made when the task is first heard of; a terminal sees it move, a log file sees nothing of it."""
+    """Progress bars, one a task, shown in terminals only."""
 
     def __init__(self) -> None:
         from rich.console import Console

@@ -106,7 +106,7 @@ class SceneCommand(Command):
             raise ScanError(f"{self.scene}: none of its {len(objects)} objects could be fitted; {result.fits[0].error}")
 
     def _files(self, name: str) -> tuple[Path, ...]:
-        """The GLB, the record, the annotation, the benchmark's lines and the picture."""
+        """Return the paths of GLB, record, annotation, benchmark lines and picture."""
         out = self.output
         annotation = out.with_name(f"{out.stem}_scan2cad.json")
         return out, out.with_suffix(".json"), annotation, out.with_name(f"{name}.csv"), out.with_suffix(".png")

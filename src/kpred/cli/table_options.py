@@ -86,11 +86,11 @@ class ModelOptions(Command):
     """Keep the databases that are built in this folder, for the next table"""
 
     def named_models(self) -> dict[str, str | None]:
-        """Models by their name in the table."""
+        """Return models by their name in the table."""
         return dict(named(self.model, "model")) or {BUNDLED: None}
 
     def named_databases(self) -> dict[str, str]:
-        """Databases by the name of the model that searches them."""
+        """Return databases by the name of the model that searches them."""
         models = self.named_models()
         found = dict(named(self.database, "database")) if self.database else {}
         for name in found:
@@ -100,7 +100,7 @@ class ModelOptions(Command):
 
 
 def named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
-    """Words NAME=PATH of an option that can be given several times; a model's name may be left out."""
+    """Parse words NAME=PATH of an option that can be given several times; the name may be missing."""
     pairs = []
     for word in words:
         name, equals, value = word.partition("=")
@@ -128,12 +128,12 @@ class MeasuredCommand(PackTableCommand, ModelOptions):
     """Weights of a peer (`kpred train peer`) and its name in the table; its row counts as feed-forward"""
 
     def named_peers(self) -> list[tuple[str, str]]:
-        """Folders of peers by their name in the table."""
+        """Return folders of peers by their name in the table."""
         return named(self.peer, "peer")
 
     @abstractmethod
     def config(self) -> TableConfig:
-        """The plan."""
+        """Return the plan."""
 
     @abstractmethod
     def show(self, output: Output, table: Table) -> None:
@@ -181,7 +181,7 @@ NOTE = "note: means over the targets and 95 % bootstrap intervals; the paper's n
 
 
 def shown(found: Cell | Interval | None) -> str:
-    """A value with its interval, as printed."""
+    """Format a value with its interval."""
     if found is None:
         return ""
     series = getattr(found, "series", None)
@@ -192,7 +192,7 @@ def shown(found: Cell | Interval | None) -> str:
 
 
 def label(series: Series) -> str:
-    """What a series is called in a printed table."""
+    """Return the printed name of a series."""
     return series.method.removesuffix("_whole").replace("_", " ")
 
 

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command, Group
 from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
-from kpred.cli.processes import own_device, together
+from kpred.cli.processes import joined_world, own_device
 from kpred.cli.train_confidence import ConfidenceCommand
 from kpred.cli.train_peer import PEER_COMMANDS
 from kpred.cli.train_visibility import VisibilityCommand
@@ -60,7 +60,7 @@ class _TrainCommand(Command):
         if self.threads is not None:
             limit_threads(self.threads)
         device = own_device(self.device)
-        with together(device) as world:
+        with joined_world(device) as world:
             self._train(output, world, device)
 
     def _train(self, output: Output, world: World, device: str) -> None:
@@ -107,7 +107,7 @@ class _TrainCommand(Command):
         seconds = time.perf_counter() - began
         weights = folder / "model"
         facts = {"model": weights, "category": categories[0], "seconds": seconds, "last_losses": last}
-        output.result(facts | ({"processes": world.size} if not world.alone else {}))
+        output.result(facts | ({"processes": world.size} if not world.is_single else {}))
         rows = [(stage, name, value) for stage, losses in last.items() for name, value in losses.items()]
         if rows:
             output.table("last step", ["stage", "loss", "value"], rows)
@@ -211,7 +211,7 @@ class RecognitionCommand(Command):
         last: dict[str, float] = {}
         began = time.perf_counter()
         device = own_device(self.device)
-        with together(device) as world, ProgressBar() as bar:
+        with joined_world(device) as world, ProgressBar() as bar:
 
             def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
                 last.update(losses)
@@ -241,7 +241,7 @@ class RecognitionCommand(Command):
 
 
 def default(kind: type[Command], words: list[str]) -> Command:
-    """The command with the settings of the preset that `words` name, for the single options to change."""
+    """Return the command with the settings of the preset in `words`, for single options to change."""
     settings: dict[str, Any] = {"packs": ()}
     if issubclass(kind, _TrainCommand):
         named = [b for a, b in zip(words, words[1:], strict=False) if a == "--preset"]

@@ -82,13 +82,13 @@ class ConfidenceCommand(Command):
         output.note(f"wrote {file} ({len(samples)} fits, {right} of them right)")
 
     def _samples(self, model: Model, remarks: list[str]) -> list[CalibrationSample]:
-        """The samples of the file, or new ones."""
+        """Read the samples of the file, or draw new ones."""
         from kpred.cli.progress import ProgressBar
         from kpred.errors import PackError
         from kpred.evaluation.metrics.summary import write_report
         from kpred.evaluation.scans.calibration import CalibrationSample, collect_samples
         from kpred.evaluation.scans.outcomes import Fitting
-        from kpred.fitting.defaults import as_database
+        from kpred.fitting.defaults import resolve_database
 
         if self.samples is not None and self.samples.is_file():
             try:
@@ -98,7 +98,7 @@ class ConfidenceCommand(Command):
                 raise PackError(
                     f"{self.samples}: it holds no samples of `kpred train confidence`; remove it."
                 ) from error
-        how = Fitting(model, as_database(self.database), self.top_k, self.seed)
+        how = Fitting(model, resolve_database(self.database), self.top_k, self.seed)
         with ProgressBar() as bar:
             found = collect_samples(
                 self.packs,

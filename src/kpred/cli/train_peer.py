@@ -90,7 +90,7 @@ class _PeerCommand(Command):
 
     @abstractmethod
     def model(self) -> Any:
-        """The config of the peer's network; category and shapes are those of the packs."""
+        """Return the config of the peer's network; category and shapes are those of the packs."""
 
 
 @dataclass(frozen=True, kw_only=True)

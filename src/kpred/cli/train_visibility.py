@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
-from kpred.cli.processes import own_device, together
+from kpred.cli.processes import joined_world, own_device
 from kpred.cli.usage import UsageError
 from kpred.training.visibility_config import VisibilityTraining
 
@@ -59,7 +59,7 @@ class VisibilityCommand(Command):
         last: dict[str, float] = {}
         began = time.perf_counter()
         device = own_device(self.device)
-        with together(device) as world, ProgressBar() as bar:
+        with joined_world(device) as world, ProgressBar() as bar:
 
             def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
                 last.update(losses)

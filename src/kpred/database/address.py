@@ -11,7 +11,7 @@ _IN_QUERY = re.compile(r"([?&](?:ssl)?password=)[^&\s]*", re.IGNORECASE)
 
 
 def is_address(path: str | os.PathLike[str]) -> bool:
-    """Whether this is a server's address and not a file."""
+    """Test whether this is a server's address rather than a file."""
     return _ADDRESS.match(os.fspath(path)) is not None
 
 
@@ -21,7 +21,7 @@ def masked(text: str | os.PathLike[str]) -> str:
 
 
 def without_password(place: str | os.PathLike[str]) -> str:
-    """Drop the password of an address, so that it is stored and compared without it; a file stays as it is."""
+    """Drop the password of an address; a file name stays as it is."""
     text = os.fspath(place)
     if not is_address(text):
         return text

@@ -13,7 +13,7 @@ from kpred.database.address import is_address
 from kpred.database.connection import check_replaceable, explained
 from kpred.database.database import Database
 from kpred.database.encode import prepare_mesh
-from kpred.database.encoders import Batch, Encoder, InProcesses, InThisProcess
+from kpred.database.encoders import Batch, Encoder, ProcessEncoder, SerialEncoder
 from kpred.database.entry import Entry
 from kpred.errors import DatabaseError, MeshError
 from kpred.nn import KPRed
@@ -90,7 +90,7 @@ def build_database(
         )
     if encoder is not None:
         return _built(path, shapes, model, _Plan(batch, seed, update), resume, progress, encoder)
-    own: Encoder = InThisProcess(model) if workers == 1 else InProcesses(model, workers)
+    own: Encoder = SerialEncoder(model) if workers == 1 else ProcessEncoder(model, workers)
     try:
         return _built(path, shapes, model, _Plan(batch, seed, update), resume, progress, own)
     finally:
@@ -209,7 +209,7 @@ class _Build:
     def _encode(self, category: str) -> None:
         batch = self.waiting.pop(category, [])
         self.started.append(([item.model_id for item, _ in batch], self.encoder.start(category, batch)))
-        while len(self.started) > self.encoder.ahead:
+        while len(self.started) > self.encoder.max_pending:
             self._commit()
 
     def _commit(self) -> None:

@@ -37,7 +37,7 @@ class Candidates:
 def stack_candidates(
     category: str, model_ids: Sequence[str], found: Mapping[str, FittingArrays], where: str
 ) -> Candidates:
-    """Arrays of models of one category, one after the other; `where` they are from, for messages.
+    """Stack the arrays of models of one category; `where` they are from, for messages.
 
     Raises DatabaseError: a model is of another category, or they have different numbers of points.
     """

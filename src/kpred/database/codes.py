@@ -43,7 +43,7 @@ class CodeLayout:
         return -(-self.token_size // LANES) * LANES
 
     def planar(self, values: np.ndarray) -> np.ndarray:
-        """(M, K, S) or (M, K) -> (G, M, P, ...) with zeros for keypoints that do not exist."""
+        """Rearrange (M, K, S) or (M, K) to (G, M, P, ...), with zeros for keypoints that do not exist."""
         missing = self.planes * self.group - self.keypoints
         padded = np.pad(values, [(0, 0), (0, missing), *[(0, 0)] * (values.ndim - 2)])
         return np.moveaxis(padded.reshape(len(values), self.planes, self.group, *values.shape[2:]), 1, 0)
@@ -62,7 +62,7 @@ class Quantiser:
 
     @classmethod
     def of_range(cls, lowest: np.ndarray, highest: np.ndarray) -> Quantiser:
-        """For tokens that lie between `lowest` and `highest` (K, C)."""
+        """Build a quantiser for tokens between `lowest` and `highest` (K, C)."""
         span = (highest.astype(np.float64) - lowest).max(axis=1)
         return cls(lowest.astype(np.float64), np.maximum(span / _LEVELS, 1e-12))
 
@@ -72,11 +72,11 @@ class Quantiser:
         return self.step * (0.5000001 * self.lowest.shape[1] / _LEVELS)
 
     def encode(self, tokens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(M, K, C) tokens within the range -> codes (M, K, C) and errors (M, K), rounded up, both uint8."""
+        """Quantise tokens (M, K, C) to codes (M, K, C) and errors (M, K), rounded up, both uint8."""
         return encode_cpu(tokens, self.lowest, self.step, self.error_unit)
 
     def encode_query(self, query: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(K, C) any tokens -> codes (K, C) uint8, distance from the range (K,), error of the codes (K,)."""
+        """Quantise a query (K, C) to codes uint8, distances from the range (K,), errors (K,)."""
         exact = query.astype(np.float64)
         inside = np.clip(exact, self.lowest, self.lowest + _LEVELS * self.step[:, None])
         codes = np.clip(np.rint((inside - self.lowest) / self.step[:, None]), 0, _LEVELS)
@@ -125,7 +125,7 @@ def bounds_reference(
 def _prepared(
     quantiser: Quantiser, query: np.ndarray, weights: np.ndarray, layout: CodeLayout
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Codes (G, P, S) of a query and the four factors (G, P) of `codes_cpu.bounds_cpu`."""
+    """Compute codes (G, P, S) of a query and the four factors (G, P) of `codes_cpu.bounds_cpu`."""
     codes, outside, slack = quantiser.encode_query(query)
     padded = np.pad(codes, [(0, 0), (0, layout.size - layout.token_size)])
     weigh = np.asarray(weights, dtype=np.float64)

@@ -29,7 +29,7 @@ BLOCK = 256
 @intrinsic
 @no_type_check
 def _absolute_differences(context, a, i, b, j):
-    """Sum over 64 bytes of |a[i + n] - b[j + n]| of two contiguous uint8 arrays; bounds are the caller's business."""
+    """Sum |a[i + n] - b[j + n]| over 64 bytes of two contiguous uint8 arrays, unchecked."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         narrow, wide = ir.VectorType(ir.IntType(8), LANES), ir.VectorType(ir.IntType(32), LANES)
@@ -125,7 +125,7 @@ def bounds_cpu(
     top_k: int,
     lower: np.ndarray,
 ) -> float:
-    """Lower bounds of the distances of M models, and a number that at least `top_k` of the distances do not exceed.
+    """Compute lower bounds of M distances, and an upper bound of the `top_k` smallest.
 
     G planes of P keypoints, each of S bytes.
 
@@ -169,7 +169,7 @@ def _encode(tokens, lowest, step, unit, codes, errors, first, last):
 def encode_cpu(
     tokens: np.ndarray, lowest: np.ndarray, step: np.ndarray, unit: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Codes (M, K, C) and errors (M, K), uint8, of (M, K, C) float32; lowest (K, C), step and unit (K,) float64."""
+    """Quantise (M, K, C) float32 to codes (M, K, C) and errors (M, K), uint8."""
     codes = np.empty(tokens.shape, np.uint8)
     errors = np.empty(tokens.shape[:2], np.uint8)
     arrays = np.ascontiguousarray(tokens, dtype=np.float32), lowest, step, unit, codes, errors

@@ -29,7 +29,7 @@ _MAGIC = b"SQLite format 3\0"
 
 
 def create_file(path: Path, created_by: str) -> None:
-    """Write an empty database with all tables in a temporary place and move it to `path`, whole or not at all."""
+    """Create an empty database with all tables at `path`, atomically."""
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(path.parent)
@@ -74,7 +74,7 @@ def check_replaceable(path: Path) -> None:
 
 
 def open_file(path: Path, read_only: bool, timeout: float, oldest: int = SCHEMA_VERSION) -> Engine:
-    """An engine of one connection to an existing database, after checks that it is one that can be read.
+    """Open an existing database as an engine of one connection, after checks of its content.
 
     `timeout`: seconds to wait for another process that writes; `oldest`: format that is not refused. Raises
     DatabaseError.

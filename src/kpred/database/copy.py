@@ -1,4 +1,4 @@
-"""Copying a database, from file to server or back, to the bit: batch by batch, resumed after a kill, then verified."""
+"""Copy of a database, from file to server or back: in batches, resumable, verified bit by bit."""
 
 from __future__ import annotations
 

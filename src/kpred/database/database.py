@@ -90,7 +90,7 @@ class Database:
 
     @staticmethod
     def exists(path: str | os.PathLike[str]) -> bool:
-        """Whether there is a file, or tables on the server, at this place."""
+        """Test whether there is a file, or tables on the server, at this place."""
         return database_exists(path) if is_address(path) else Path(path).exists()
 
     @property

@@ -1,4 +1,4 @@
-"""From a CAD mesh to a database entry: all that depends on the source shape alone, computed once (paper Sec. 3.1, 3.2).
+"""Encoding of a CAD mesh as a database entry: everything that depends on the source only (paper Sec. 3.1, 3.2).
 
 mesh -> unit box -> 2048 points -> keypoints, tokens, cage and influence (network) -> deformation basis = mean value
 coordinates x influence^T, for the points and for the mesh's vertices; structure of the mesh (`surface`).
@@ -61,7 +61,7 @@ class PreparedMesh:
 
 
 def prepare_mesh(mesh: Mesh, model_id: str, seed: int) -> PreparedMesh:
-    """Clean a mesh, put it into its unit box and sample it; the points depend on mesh, id and seed alone.
+    """Clean a mesh, scale it to its unit box and sample it; points depend on mesh, id and seed only.
 
     Raises:
         MeshError: no face has an area, or the box has no size.
@@ -90,7 +90,7 @@ def encode_models(
     seed: int,
     metadata: Sequence[dict[str, str]] | None = None,
 ) -> list[Entry]:
-    """Entries of meshes of the network's category, in one batch, on the network's device.
+    """Encode meshes of the network's category as entries, in one batch, on the network's device.
 
     `seed`: of the sampling; each model's points depend on it and on the model's id alone, not on the others.
     `metadata`: recorded with each model; none by default.
@@ -109,7 +109,7 @@ def encode_models(
 def encode_prepared(
     prepared: Sequence[PreparedMesh], network: KPRed, metadata: Sequence[dict[str, str]] | None = None
 ) -> list[Entry]:
-    """`encode_models` after `prepare_mesh`."""
+    """Encode prepared meshes as `encode_models`."""
     if not prepared:
         return []
     device = next(network.parameters()).device
@@ -145,7 +145,7 @@ def encode_prepared(
 
 
 def _hull(item: PreparedMesh) -> Tensor:
-    """What the cage must hold: the points, and vertices between which the sample may have missed a corner."""
+    """Return points that the cage must enclose: the samples, and vertices that sampling may have missed."""
     step = -(-len(item.vertices) // _CAGE_VERTICES)
     return torch.cat([item.points, item.vertices[::step]])
 
@@ -156,7 +156,7 @@ def deformation_basis(
     influence: Float[Tensor, "keypoints vertices"],
     network: KPRed,
 ) -> Float[Tensor, "positions keypoints"]:
-    """B = W I^T, so that deformed positions are positions + B (K_target - K_source); all in the unit box."""
+    """Compute B = W I^T: deformed positions are positions + B (K_target - K_source), unit box."""
     faces = icosphere(network.config.cage_subdivisions)[1].to(positions.device)
     parts = [
         mean_value_coordinates(part[None], cage[None], faces)[0] @ influence.T

@@ -25,7 +25,7 @@ class Encoder(Protocol):
     """Encodes batches, in any order; the caller asks for them in the order they were handed in."""
 
     @property
-    def ahead(self) -> int:
+    def max_pending(self) -> int:
         """How many batches may wait to be asked for: fewer leave workers idle, more only fill the memory."""
         ...
 
@@ -38,32 +38,32 @@ class Encoder(Protocol):
         ...
 
 
-class InThisProcess:
+class SerialEncoder:
     """Encodes a batch when it is asked for."""
 
-    ahead = 0
+    max_pending = 0
 
     def __init__(self, networks: Mapping[str, KPRed]) -> None:
         self._networks = dict(networks)
 
     def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
         """See `Encoder`."""
-        return lambda: _encoded(self._networks[category], batch)
+        return lambda: _encode(self._networks[category], batch)
 
     def close(self) -> None:
         """See `Encoder`."""
 
 
-class InProcesses:
+class ProcessEncoder:
     """Encodes batches in processes that have the networks."""
 
     def __init__(self, networks: Mapping[str, KPRed], workers: int) -> None:
-        self.ahead = 2 * workers
+        self.max_pending = 2 * workers
         self._pool = ProcessPoolExecutor(
             workers,
             # Fresh interpreters: a forked one would share locks of torch's threads.
             mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin,
+            initializer=_init_worker,
             initargs=({name: copy.deepcopy(network).cpu() for name, network in networks.items()},),
         )
 
@@ -71,11 +71,11 @@ class InProcesses:
         """See `Encoder`. Raises DatabaseError when a process has died."""
 
         def entries() -> list[Entry]:
-            with _told():
+            with _translate_errors():
                 return future.result()
 
-        with _told():
-            future = self._pool.submit(_work, category, batch)
+        with _translate_errors():
+            future = self._pool.submit(_encode_in_worker, category, batch)
         return entries
 
     def close(self) -> None:
@@ -83,7 +83,7 @@ class InProcesses:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 
-class _told:
+class _translate_errors:
     """A dead process as an error that says how to go on."""
 
     def __enter__(self) -> None:
@@ -99,14 +99,14 @@ class _told:
 _networks: dict[str, KPRed] = {}
 
 
-def _begin(networks: dict[str, KPRed]) -> None:
+def _init_worker(networks: dict[str, KPRed]) -> None:
     torch.set_num_threads(1)
     _networks.update(networks)
 
 
-def _work(category: str, batch: Batch) -> list[Entry]:
-    return _encoded(_networks[category], batch)
+def _encode_in_worker(category: str, batch: Batch) -> list[Entry]:
+    return _encode(_networks[category], batch)
 
 
-def _encoded(network: KPRed, batch: Batch) -> list[Entry]:
+def _encode(network: KPRed, batch: Batch) -> list[Entry]:
     return encode_prepared([item for item, _ in batch], network, [meta for _, meta in batch])

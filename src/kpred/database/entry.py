@@ -72,7 +72,7 @@ class Entry:
     """of the weights that made keypoints, tokens and bases"""
 
     def rounded(self) -> Entry:
-        """This entry as it comes back from a database: stored and read again, it stays the same to the bit."""
+        """Return this entry with the precision that the database stores."""
         return replace(
             self,
             points=on_grid(self.points, POINT_STEP),
@@ -115,7 +115,7 @@ class Entry:
 
 
 def pack_frame(frame: Frame) -> bytes:
-    """Rotation (9 numbers, rows first), scale (1) and centre (3) as 13 little-endian float64."""
+    """Pack rotation (9 numbers, by rows), scale (1) and centre (3) as 13 little-endian float64."""
     numbers = np.concatenate([np.reshape(frame.rotation, 9), [frame.scale], np.reshape(frame.center, 3)])
     return numbers.astype("<f8").tobytes()
 

@@ -1,4 +1,4 @@
-"""What may be wrong with the CAD models of a build although they can be read: their up axis, parts that are none."""
+"""Checks of readable CAD models during a build: their up axis, and parts that are no furniture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ModelCheck:
     """Looks at shapes on their way into a database, and collects sentences about them."""
 
     def __init__(self, recognizer: Recognizer | None, up: str = "y") -> None:
-        """`recognizer`: without one the up axis is not checked; `up`: the shapes' axis that becomes y."""
+        """Start a check; `recognizer`: None skips the up axis; `up`: the shapes' axis that becomes y."""
         self._orientation = None if recognizer is None else OrientationCheck(recognizer)
         self._rotation = up_rotation(up).astype(np.float32)
         self._helpers: list[str] = []
@@ -38,7 +38,7 @@ class ModelCheck:
             yield shape._replace(mesh=mesh)
 
     def warnings(self) -> list[str]:
-        """Sentences about all shapes so far; of many with parts that are none, some are named."""
+        """Return sentences about all shapes so far; only some are named."""
         sentences = [f"{item}; remove it from the mesh if so." for item in self._helpers[:_MAX_NAMED]]
         if len(self._helpers) > _MAX_NAMED:
             sentences.append(f"{len(self._helpers) - _MAX_NAMED} more models seem to hold parts of other things.")

@@ -27,7 +27,7 @@ class OrientationCheck:
     """Collects how likely models are with each up axis, and says which axis a catalogue seems to have."""
 
     def __init__(self, recognizer: Recognizer, most: int = 16) -> None:
-        """`most`: models of each category that are looked at; later ones are not."""
+        """Start a check of the first `max_samples` models of each category."""
         self._recognizer = recognizer
         self._max_samples = most
         self._odds: dict[str, list[np.ndarray]] = {}
@@ -49,7 +49,7 @@ class OrientationCheck:
         seen.append(self._log_odds(points.double().numpy(), category))
 
     def warning(self) -> str | None:
-        """A sentence about an axis that is more likely than y for the models of a category, None if there is none."""
+        """Return a sentence about an axis that is more likely up than y, or None."""
         for category, odds in self._odds.items():
             if not odds:
                 continue
@@ -61,7 +61,7 @@ class OrientationCheck:
         return None
 
     def _log_odds(self, points: Float[np.ndarray, "points 3"], category: str) -> Float[np.ndarray, " axes"]:
-        """Log-odds of the category against none, for y up and each other axis up, in the best of eight yaws."""
+        """Predict log-odds of the category against none, for each up axis, in the best of eight yaws."""
         rotations = [_yaw(angle) @ up_rotation(axis) for axis in ("y", *_OTHERS) for angle in _YAWS]
         clouds = np.stack([points @ rotation.T for rotation in rotations])
         clouds = clouds - clouds.mean(axis=1, keepdims=True)
@@ -75,7 +75,7 @@ class OrientationCheck:
 
 
 def up_rotation(axis: str) -> Float[np.ndarray, "3 3"]:
-    """Rotation that takes an axis (x, y, z, -x, -y or -z) to +y; for z it is (x, y, z) -> (x, z, -y)."""
+    """Return the rotation of the named axis to +y; for z: (x, y, z) -> (x, z, -y)."""
     return {
         "y": np.eye(3),
         "-y": np.diag([1.0, -1.0, -1.0]),

@@ -33,7 +33,7 @@ def faces_of_points(
 
 
 def _nearest_within(points: np.ndarray, corners: np.ndarray, reach: float) -> np.ndarray:
-    """(N,) nearest face of those within `reach` of each point, or -1."""
+    """Find the nearest face (N,) within `reach` of each point, or -1."""
     low, high = corners.min(axis=1) - reach, corners.max(axis=1) + reach
     inside = np.ones((len(points), len(corners)), bool)
     for axis in range(3):
@@ -50,7 +50,7 @@ def _nearest_within(points: np.ndarray, corners: np.ndarray, reach: float) -> np
 
 
 def _squared_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(P,) squared distance of each point to a triangle of its own, corners (P, 3, 3)."""
+    """Compute the squared distance (P,) of each point to its own triangle, corners (P, 3, 3)."""
     edges = np.roll(corners, -1, axis=1) - corners
     offsets = points[:, None] - corners
     lengths = np.maximum(np.einsum("pij,pij->pi", edges, edges), 1e-300)

@@ -58,7 +58,7 @@ _STARTING = ("57P01", "57P02", "57P03")
 
 
 def database_exists(address: str | os.PathLike[str], timeout: float = 5.0) -> bool:
-    """Whether there are tables of kpred on the server. Raises DatabaseError when it cannot be reached."""
+    """Test whether there are tables of kpred on the server; raises DatabaseError when it cannot be reached."""
     backend = PostgresBackend(address, read_only=True, timeout=timeout, check=False)
     try:
         with backend.transaction(write=False) as connection:
@@ -124,7 +124,7 @@ class PostgresBackend:
                 yield connection
 
     def _connect(self) -> Connection:
-        """A connection; a server that has just gone away has some seconds to come back."""
+        """Open a connection, waiting some seconds for a server that has just gone away."""
         for pause in self._patience:
             try:
                 return self._engine.connect()
@@ -158,7 +158,7 @@ class PostgresBackend:
         return None
 
     def bytes(self, connection: Connection) -> int:
-        """Of the tables and their indices."""
+        """Return the size of the tables and their indices in bytes."""
         sizes = (
             "SELECT sum(pg_total_relation_size(c.oid)) FROM pg_class c JOIN pg_namespace n ON n.oid = c.relnamespace "
         )
@@ -219,7 +219,7 @@ class ServerIndex:
             return tuple(connection.scalars(query, {"number": self._counted.number}))
 
     def ranked(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> Ranking:
-        """The `top_k` models nearest to `query` (K, C) among those that the server's index names; ties by id."""
+        """Find the `top_k` models nearest to `query` (K, C) among those of the server's index; ties by id."""
         counted = self._counted
         query = checked_query(query, (counted.keypoints, counted.token_size))
         weigh = checked_weights(weights, counted.keypoints)
@@ -243,7 +243,7 @@ class ServerIndex:
 
 
 def _written(numbers: np.ndarray) -> str:
-    """A vector as pgvector reads it."""
+    """Format a vector as text for pgvector."""
     return f"[{','.join(map(repr, numbers.astype(np.float32).ravel().astype(float).tolist()))}]"
 
 

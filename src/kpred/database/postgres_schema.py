@@ -18,7 +18,7 @@ _LOCK = 0x4B505244
 
 
 def revision(connection: Connection) -> str | None:
-    """The revision of the tables, or None where there are none."""
+    """Return the revision of the tables, or None without tables."""
     if connection.scalar(text("SELECT to_regclass('kpred.kpred_version')")) is None:
         return None
     found = connection.scalar(text("SELECT version_num FROM kpred.kpred_version"))
@@ -77,7 +77,7 @@ def upgrade_tables(connection: Connection, name: str) -> bool:
 
 @contextmanager
 def _alone(connection: Connection) -> Iterator[None]:
-    """One at a time changes tables; the lock goes with the transaction."""
+    """Lock the tables against concurrent migrations; the lock ends with the transaction."""
     connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _LOCK})
     yield
 

@@ -34,12 +34,12 @@ class ModelRecord:
     arrays: tuple[dict[str, Any], ...]
 
     def tokens(self) -> np.ndarray:
-        """(K, C) float16."""
+        """Return the tokens (K, C) float16."""
         shape = (self.weights["keypoint_count"], self.weights["token_size"])
         return np.frombuffer(self.descriptor["tokens"], "<f2").reshape(shape)
 
     def digest(self) -> str:
-        """The same for two models exactly when all that is stored of them is; the weights' name does not count."""
+        """Hash the stored values, except for the weights' name."""
         weights = {key: value for key, value in self.weights.items() if key != "model_name"}
         total = hashlib.sha256()
         for part in (self.model_id, self.category, weights, self.model, self.descriptor, *self.arrays):
@@ -71,7 +71,7 @@ def make_record(entry: Entry, model_name: str) -> ModelRecord:
 
 
 def read_records(connection: Connection, model_ids: Sequence[str]) -> dict[str, ModelRecord]:
-    """Model id -> what is stored; ids that are not in the database are left out."""
+    """Read records by model id; ids that are not in the database are left out."""
     found = connection.execute(
         select(ModelRow.id, ModelRow.model_id, *(getattr(ModelRow, name) for name in _MODEL))
         .add_columns(CategoryRow.name.label("category"), *(getattr(CategoryRow, name) for name in _CATEGORY))

@@ -74,7 +74,7 @@ def _read_entry(connection: Connection, model_id: str) -> Entry | None:
 
 
 def _entry(model_id: str, row: Any, arrays: dict[str, np.ndarray]) -> Entry:
-    """An entry of the columns and the arrays that were read of it; raises DamagedArray."""
+    """Build an entry from its columns and arrays; raises DamagedArray."""
     structure = unpack_structure(arrays, len(arrays["vertices"]), len(arrays["faces"]))
     check_point_structure(arrays["point_parts"], arrays["point_normals"], len(arrays["points"]), structure.parts)
     return Entry(
@@ -114,7 +114,7 @@ class CategoryTokens:
 
 
 def count_tokens(connection: Connection, category: str) -> CategoryTokens | None:
-    """What is there of one category, or None when there is no such category."""
+    """Count the tokens of one category, or return None when there is no such category."""
     row = connection.execute(select(CategoryRow).where(CategoryRow.name == category)).one_or_none()
     if row is None:
         return None
@@ -124,7 +124,7 @@ def count_tokens(connection: Connection, category: str) -> CategoryTokens | None
 
 
 def read_tokens(connection: Connection, counted: CategoryTokens, after: int = 0) -> tuple[tuple[str, ...], np.ndarray]:
-    """Ids in ascending order and tokens (M, K, C) float32 of one category's models in rows after `after`."""
+    """Read ids in ascending order and tokens (M, K, C) float32 of a category, in rows after `after`."""
     found = connection.execute(_tokens(counted, after)).all()
     # Sorted here: two databases need not agree on the order of letters.
     found = sorted(found, key=lambda item: str(item.model_id))
@@ -135,7 +135,7 @@ def read_tokens(connection: Connection, counted: CategoryTokens, after: int = 0)
 def stream_tokens(
     connection: Connection, counted: CategoryTokens, part: int = 4096
 ) -> Iterator[tuple[list[str], np.ndarray]]:
-    """Ids and tokens (n, K, C) float16 of one category, `part` models at a time, in the order they were added."""
+    """Yield ids and tokens (n, K, C) float16 of a category, `part` models at a time, in insertion order."""
     found = connection.execution_options(stream_results=True, max_row_buffer=part).execute(_tokens(counted))
     for rows in found.partitions(part):
         tokens = _floats([row.tokens for row in rows], "<f2", counted.keypoints, counted.token_size)
@@ -152,13 +152,13 @@ def _tokens(counted: CategoryTokens, after: int = 0) -> Select[str, bytes]:
 
 
 def read_epoch(connection: Connection) -> str | None:
-    """The value that changes with every removal; None in a damaged file that has lost it."""
+    """Read the value that changes with every removal; None in a damaged file without it."""
     found = connection.scalar(select(InfoRow.value).where(InfoRow.key == "epoch"))
     return None if found is None else str(found)
 
 
 def delete_rows(connection: Connection, rows: Sequence[int]) -> None:
-    """Models of these rows, and categories that have none then; those who keep a copy of the tokens are told."""
+    """Delete models by row, and categories that have none then; changes the epoch, which outdates token files."""
     for chunk in chunks(rows):
         connection.execute(delete(ModelRow).where(ModelRow.id.in_(chunk)))
     used = select(ModelRow.category_id)
@@ -167,12 +167,12 @@ def delete_rows(connection: Connection, rows: Sequence[int]) -> None:
 
 
 def new_epoch() -> str:
-    """A value that was never there before."""
+    """Return a new random value."""
     return secrets.token_hex(16)
 
 
 def read_fitting_arrays(connection: Connection, model_ids: Sequence[str]) -> dict[str, FittingArrays]:
-    """Model id -> arrays for fitting; ids that are not in the database are left out."""
+    """Read arrays for fitting by model id; ids that are not in the database are left out."""
     found = {}
     for chunk in chunks(model_ids):
         rows = connection.execute(
@@ -208,7 +208,7 @@ def _fitting_arrays(category: str, keypoints: np.ndarray, arrays: dict[str, np.n
 
 
 def find_rows(connection: Connection, model_ids: Sequence[str]) -> dict[str, int]:
-    """Model id -> row number; ids that are not in the database are left out."""
+    """Find row numbers by model id; ids that are not in the database are left out."""
     rows: dict[str, int] = {}
     for chunk in chunks(model_ids):
         found = connection.execute(select(ModelRow.model_id, ModelRow.id).where(ModelRow.model_id.in_(chunk)))
@@ -217,7 +217,7 @@ def find_rows(connection: Connection, model_ids: Sequence[str]) -> dict[str, int
 
 
 def chunks(values: Sequence[Value]) -> Iterator[list[Value]]:
-    """`values` in lists short enough for one SQL `IN`."""
+    """Split `values` into lists short enough for one SQL `IN`."""
     for start in range(0, len(values), _CHUNK):
         yield list(values[start : start + _CHUNK])
 
@@ -225,7 +225,7 @@ def chunks(values: Sequence[Value]) -> Iterator[list[Value]]:
 def read_arrays(
     connection: Connection, models: Mapping[int, str], names: Collection[str] | None = None
 ) -> dict[int, dict[str, np.ndarray]]:
-    """Read the arrays (all, or those of these names) of models, given by row and id: row -> name -> array.
+    """Read arrays (all, or those of `names`) of models {row: id}, as row -> name -> array.
 
     Raises:
         DamagedArray: the bytes of one make up no array; it names the model.

@@ -44,7 +44,7 @@ class Index(Protocol):
         ...
 
     def ranked(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> Ranking:
-        """The `top_k` models nearest to `query` (K, C), keypoint i weighing `weights[i]` (K,)."""
+        """Find the `top_k` models nearest to `query` (K, C), keypoint i weighted by `weights[i]` (K,)."""
         ...
 
 
@@ -52,16 +52,16 @@ class TokenIndex:
     """The tokens of one category in memory, laid out for one pass over each keypoint."""
 
     def __init__(self, model_ids: tuple[str, ...], tokens: np.ndarray) -> None:
-        """`model_ids`: M ids in ascending order; `tokens`: (M, K, C)."""
+        """Build an index of M ids in ascending order and tokens (M, K, C)."""
         self.model_ids = model_ids
         self.tokens = torch.from_numpy(np.ascontiguousarray(tokens.transpose(1, 0, 2), dtype=np.float32))
 
     def search(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> SearchResult:
-        """`ranked` as a result."""
+        """Find as `ranked`, as a result."""
         return as_result(self.ranked(query, weights, top_k))
 
     def ranked(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> Ranking:
-        """The `top_k` models nearest to `query` (K, C), keypoint i weighing `weights[i]` (K,).
+        """Find the `top_k` models nearest to `query` (K, C), keypoint i weighted by `weights[i]` (K,).
 
         Raises DatabaseError when the query's shape is not the tokens', when a number in it is not finite, or when
         weights are negative, not finite or all zero.
@@ -79,7 +79,7 @@ class TokenIndex:
 
 
 def checked_query(query: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """`query` as float32 of this shape (K, C), or DatabaseError when it is another or holds numbers not finite."""
+    """Return `query` as finite float32 (K, C), or raise DatabaseError."""
     array = np.asarray(query, dtype=np.float32)
     if array.shape != shape or not np.isfinite(array).all():
         raise DatabaseError(
@@ -90,7 +90,7 @@ def checked_query(query: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def checked_weights(weights: np.ndarray | None, count: int) -> np.ndarray:
-    """`weights` as float32 (count,), all 1 for None, or DatabaseError when they cannot weigh a distance."""
+    """Return `weights` as float32 (count,), all 1 for None, or raise DatabaseError when they are no weights."""
     if weights is None:
         return np.ones(count, np.float32)
     array = np.asarray(weights, dtype=np.float32)
@@ -100,14 +100,14 @@ def checked_weights(weights: np.ndarray | None, count: int) -> np.ndarray:
 
 
 def checked_top_k(top_k: int) -> int:
-    """`top_k`, or DatabaseError when it is less than 1."""
+    """Return `top_k`, or raise DatabaseError when it is less than 1."""
     if top_k < 1:
         raise DatabaseError(f"The number of models to retrieve must be at least 1, not {top_k}.")
     return top_k
 
 
 def exact_distances(tokens: np.ndarray, query: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Weighted L1 distances (M,) in float64 of tokens (M, K, C) to `query` (K, C), summed as the reference does."""
+    """Compute weighted L1 distances (M,) in float64 of tokens (M, K, C) to `query` (K, C)."""
     differences = np.subtract(tokens, query, dtype=np.float64, order="C")
     per_keypoint = np.abs(differences, out=differences).sum(axis=2)
     distances = np.zeros(len(tokens))
@@ -117,12 +117,12 @@ def exact_distances(tokens: np.ndarray, query: np.ndarray, weights: np.ndarray) 
 
 
 def nearest(model_ids: Sequence[str], distances: np.ndarray, top_k: int) -> Ranking:
-    """The `top_k` smallest of `distances` (M,), ties by id."""
+    """Select the `top_k` smallest of `distances` (M,), ties by id."""
     return sorted(zip(distances.tolist(), model_ids, strict=True))[: checked_top_k(top_k)]
 
 
 def as_result(ranking: Ranking) -> SearchResult:
-    """What a search gives back."""
+    """Convert a ranking to a search result."""
     return SearchResult(tuple(name for _, name in ranking), np.array([d for d, _ in ranking], dtype=np.float32))
 
 
@@ -133,7 +133,7 @@ def reference_search(
     weights: np.ndarray | None = None,
     top_k: int = 10,
 ) -> SearchResult:
-    """The same as every `Index.search`, written out in float64 for tests: tokens (M, K, C), query (K, C)."""
+    """Search tokens (M, K, C) for query (K, C) exactly in float64, as a reference for tests."""
     weigh = np.ones(len(query)) if weights is None else np.asarray(weights, dtype=np.float64)
     distances = []
     for model in np.asarray(tokens, dtype=np.float64):

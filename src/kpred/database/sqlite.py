@@ -31,7 +31,7 @@ class SqliteBackend:
     one_at_a_time = True
 
     def __init__(self, path: Path, read_only: bool, timeout: float) -> None:
-        """Raises DatabaseError when the file is no database that can be read."""
+        """Open the file; raises DatabaseError when it is no database that can be read."""
         self.path = path
         self.read_only = read_only
         self._engine = open_file(path, read_only, timeout)
@@ -68,7 +68,7 @@ class SqliteBackend:
             return None
 
     def bytes(self, connection: Connection) -> int:
-        """Of the file."""
+        """Return the size of the file in bytes."""
         return self.path.stat().st_size
 
     def index(self, connection: Connection, category: str, progress: Progress | None = None) -> Index | None:
@@ -116,7 +116,7 @@ class SqliteBackend:
 
 
 def _belongs(table: TokenTable, counted: CategoryTokens, epoch: str) -> bool:
-    """Whether a table holds the category's models as they are now, but for few that came later."""
+    """Test whether a table holds the category's current models, except for a few later ones."""
     key = table.key
     if (key.category, key.fingerprint, key.epoch) != (counted.category, counted.fingerprint, epoch):
         return False

@@ -28,7 +28,7 @@ MAX_PARTS = 255
 MAX_COORDINATE = 8.0
 """Largest coordinate, unit box: own axes and boxes around oblique parts reach somewhat beyond 1."""
 
-_LONGEST_NORMAL = 1.001
+_MAX_NORMAL = 1.001
 """Largest coordinate of a unit normal, after rounding."""
 
 _NOT_SQUARE = 1e-3
@@ -120,7 +120,7 @@ def check_point_structure(point_parts: np.ndarray, point_normals: np.ndarray, po
         raise DamagedArray(f"point_parts and point_normals have shapes {shapes}, {points} points are there")
     if points and not (point_parts.min() >= 0 and point_parts.max() < parts):
         raise DamagedArray(f"point_parts holds numbers outside 0 to {parts - 1}")
-    if not (np.abs(point_normals) <= _LONGEST_NORMAL).all():
+    if not (np.abs(point_normals) <= _MAX_NORMAL).all():
         raise DamagedArray("point_normals holds numbers that are no coordinates of unit normals")
 
 

@@ -1,4 +1,4 @@
-"""What the points of a model lie on: the structure of its mesh, and the part and the normal of each point."""
+"""Structure of a model's mesh, and the part and the normal of each sampled point."""
 
 from __future__ import annotations
 

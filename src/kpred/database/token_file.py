@@ -54,13 +54,13 @@ class _Section(NamedTuple):
         return self.offset + -(-math.prod(self.shape) * np.dtype(self.dtype).itemsize // _PAGE) * _PAGE
 
     def of(self, data: mmap.mmap) -> np.ndarray:
-        """The array in mapped memory."""
+        """Return the array in mapped memory."""
         count = math.prod(self.shape)
         return np.frombuffer(data, self.dtype, count, self.offset).reshape(self.shape)
 
 
 def open_table(path: Path) -> TokenTable | None:
-    """The table in a file, or None when there is none or it is no whole table of this version."""
+    """Open the table in a file, or return None when it is missing, damaged or of another version."""
     try:
         with open(path, "rb") as file:
             start = file.read(_HEADER)
@@ -97,7 +97,7 @@ def make_table(
     rows: Rows,
     progress: Callable[[int], None] | None = None,
 ) -> TokenTable:
-    """Make the table of M models with tokens (K, C) in a file, whole or not at all, or in memory when `path` is None.
+    """Write the table of M models with tokens (K, C) to a file atomically, or to memory without `path`.
 
     Args:
         shape: (M, K, C), of `rows` together.
@@ -144,7 +144,7 @@ def make_table(
 
 
 def _ids(table: _Filled) -> dict[str, np.ndarray]:
-    """The arrays whose size is known only when all models have been seen."""
+    """Read the arrays of ids, whose size depends on the models."""
     return {"id_bytes": table[-2], "id_ends": table[-1]}
 
 
@@ -219,7 +219,7 @@ def _fill(
 
 
 def _remove_abandoned(path: Path) -> None:
-    """Unfinished files beside `path` that nobody has touched for long."""
+    """Remove unfinished files beside `path` that are old."""
     for file in path.parent.glob(f".{path.stem[:64]}.*{path.suffix}"):
         try:
             if time.time() - file.stat().st_mtime > _ABANDONED:

@@ -72,16 +72,16 @@ class TokenTable:
         return tuple(sorted(self.id_of(row) for row in range(len(self))))
 
     def id_of(self, row: int) -> str:
-        """The id of one row."""
+        """Return the id of one row."""
         start = int(self.id_ends[row - 1]) if row else 0
         return self.id_bytes[start : int(self.id_ends[row])].tobytes().decode("utf-8")
 
     def search(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> SearchResult:
-        """`ranked` as a result."""
+        """Find as `ranked`, as a result."""
         return as_result(self.ranked(query, weights, top_k))
 
     def ranked(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> Ranking:
-        """The `top_k` models nearest to `query` (K, C), keypoint i weighing `weights[i]` (K,); exact, ties by id.
+        """Find the `top_k` models nearest to `query` (K, C), keypoint i weighted by `weights[i]`; exact.
 
         Raises DatabaseError when query or weights cannot be used (`kpred.database.search`).
         """
@@ -117,6 +117,6 @@ class GrowingIndex:
         return tuple(sorted((*self.table.model_ids, *(self.later.model_ids if self.later else ()))))
 
     def ranked(self, query: np.ndarray, weights: np.ndarray | None = None, top_k: int = 10) -> Ranking:
-        """The `top_k` models nearest to `query` (K, C); exact, ties by id."""
+        """Find the `top_k` models nearest to `query` (K, C); exact, ties by id."""
         found = self.table.ranked(query, weights, top_k)
         return sorted(found + self.later.ranked(query, weights, top_k))[:top_k] if self.later else found

@@ -103,7 +103,7 @@ def _packed_structure(mesh: Mesh, frame: Frame, stored_points: np.ndarray) -> di
 
 
 def _sample(mesh: Mesh, vertices: np.ndarray, stored_points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) and their faces: drawn again if built with the usual seed, else found from their positions."""
+    """Return points (N, 3) and their faces, sampled again with the usual seed or located by position."""
     drawn = prepare_mesh(mesh, mesh.name, DEFAULT_SEED)
     unchanged = np.array_equal(drawn.mesh.faces, mesh.faces)
     if unchanged and np.array_equal(on_grid(drawn.points.numpy(), POINT_STEP), stored_points):

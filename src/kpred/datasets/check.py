@@ -8,7 +8,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Lack:
+class Issue:
     """Something that is not there or is broken.
 
     Attributes:
@@ -27,35 +27,35 @@ class Check:
     Attributes:
         kind: of the data set; path: where it lies.
         found: number of things that are there, by category and split (or another word for what they are).
-        lacks: what is missing or broken.
+        issues: what is missing or broken.
         remarks: sentences that are worth knowing and no fault.
     """
 
     kind: str
     path: str
     found: dict[str, dict[str, int]] = field(default_factory=dict)
-    lacks: tuple[Lack, ...] = ()
+    issues: tuple[Issue, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
         """Whether nothing is missing."""
-        return not self.lacks
+        return not self.issues
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+        """Return plain values."""
         return {
             "kind": self.kind,
             "path": self.path,
             "complete": self.complete,
             "found": self.found,
-            "lacks": [vars(lack) for lack in self.lacks],
+            "issues": [vars(issue) for issue in self.issues],
             "remarks": list(self.remarks),
         }
 
 
 def counted(pairs: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]]:
-    """How often each (category, split) occurs, both in the order of their names."""
+    """Count each (category, split), both in the order of their names."""
     counts: dict[str, dict[str, int]] = {}
     for category, split in sorted(pairs):
         row = counts.setdefault(category, {})

@@ -12,9 +12,9 @@ import numpy as np
 from kpred.datasets.check import Check, counted
 from kpred.shapes.mesh import Mesh
 
-Turn = Literal["none", "half", "z_up"]
+FileFrame = Literal["none", "half", "z_up"]
 
-_TURNS: dict[Turn, np.ndarray] = {
+_ROTATIONS: dict[FileFrame, np.ndarray] = {
     "none": np.eye(3, dtype=np.float32),
     # ShapeNetCore.v2: y up, front -z.
     "half": np.diag(np.array([-1, 1, -1], dtype=np.float32)),
@@ -30,17 +30,17 @@ class ShapeFile:
     Attributes:
         model_id, category, split: as a mesh pack has them.
         path: its mesh file.
-        turn: what takes the file's frame to y up, front +z: nothing, half a turn about y, or z up to y up.
+        file_frame: what takes the file's frame to y up, front +z: nothing, half a turn about y, or z up to y up.
     """
 
     model_id: str
     category: str
     split: str
     path: Path
-    turn: Turn = "none"
+    file_frame: FileFrame = "none"
 
     def read(self) -> Mesh:
-        """The cleaned mesh, y up and front +z, in the file's units.
+        """Read the cleaned mesh, y up and front +z, in the file's units.
 
         Raises:
             MeshError: it cannot be read, or no face has an area.
@@ -48,7 +48,7 @@ class ShapeFile:
         from kpred.shapes.mesh_io import read_mesh
 
         mesh = read_mesh(self.path)
-        return Mesh(mesh.vertices @ _TURNS[self.turn].T, mesh.faces, self.model_id, mesh.face_parts)
+        return Mesh(mesh.vertices @ _ROTATIONS[self.file_frame].T, mesh.faces, self.model_id, mesh.face_parts)
 
 
 @runtime_checkable
@@ -66,7 +66,7 @@ class Dataset(Protocol):
         ...
 
     def shapes(self) -> Sequence[ShapeFile]:
-        """All shapes that are there, in a fixed order; nothing of them has been read.
+        """List all shapes present, in a fixed order, without reading their files.
 
         Raises:
             PackError: the data set's own files (split, annotation) are missing or broken, or it has no shape.
@@ -74,7 +74,7 @@ class Dataset(Protocol):
         ...
 
     def check(self) -> Check:
-        """What is there and what is missing.
+        """Report what is present and what is missing.
 
         Raises:
             PackError: as in `shapes`, but not for a lack of shapes.
@@ -83,5 +83,5 @@ class Dataset(Protocol):
 
 
 def found_in(shapes: Sequence[ShapeFile]) -> dict[str, dict[str, int]]:
-    """Number of shapes by category and split."""
+    """Count shapes by category and split."""
     return counted((shape.category, shape.split) for shape in shapes)

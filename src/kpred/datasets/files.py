@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpred.datasets.check import Check, Lack, counted
+from kpred.datasets.check import Check, Issue, counted
 from kpred.datasets.dataset import ShapeFile, found_in
 from kpred.errors import MeshError, PackError
 from kpred.shapes.folder import read_folder
@@ -55,25 +55,25 @@ class Packs:
         """See `Dataset`; here the shapes are read too, since they all lie in one file."""
         files = sorted(self.path.glob("*.npz")) if self.path.is_dir() else [self.path]
         pairs: list[tuple[str, str]] = []
-        lacks: list[Lack] = []
+        issues: list[Issue] = []
         remarks: list[str] = []
         for file in files:
             try:
                 pack = MeshPack.load(file)
             except PackError as error:
-                lacks.append(Lack("pack", file.name, str(error)))
+                issues.append(Issue("pack", file.name, str(error)))
                 continue
             if self.category not in (None, pack.category):
                 continue
             pairs += [(pack.category, str(split)) for split in pack.split]
-            lacks += [Lack("shape", *found) for found in _broken(pack, file)]
+            issues += [Issue("shape", *found) for found in _broken(pack, file)]
             if not len(pack.indices("source")):
                 remarks.append(f"{file.name} has no split source: it can be measured only against a database")
-        return Check(self.kind, str(self.path), counted(pairs), tuple(lacks), tuple(remarks))
+        return Check(self.kind, str(self.path), counted(pairs), tuple(issues), tuple(remarks))
 
 
 def _broken(pack: MeshPack, file: Path) -> list[tuple[str, str]]:
-    """Names of shapes without a surface or with a name that another has, and why."""
+    """List shapes without a surface or with a duplicate name, and the reason."""
     found = []
     names, counts = np.unique(pack.model_id, return_counts=True)
     for name in names[counts > 1]:

@@ -24,7 +24,7 @@ def open_dataset(
     shapenet: str | os.PathLike[str] | None = None,
     category: str | None = None,
 ) -> Dataset:
-    """The data set at a path; nothing of it is read yet.
+    """Open the data set at a path, without reading its files.
 
     Args:
         kind: its layout, one of `KINDS`; None goes by what is there.

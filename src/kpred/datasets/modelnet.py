@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from kpred.datasets.check import Check, Lack
+from kpred.datasets.check import Check, Issue
 from kpred.datasets.dataset import ShapeFile, found_in
 from kpred.errors import PackError
 from kpred.shapes.categories import category_of
 
 SPLITS = ("train", "test")
-SOURCE_SHARE = 0.15
+SOURCE_FRACTION = 0.15
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,15 @@ class ModelNet:
 
     def check(self) -> Check:
         """See `Dataset`."""
-        lacks = []
+        issues = []
         for folder in self._classes():
             for split in SPLITS:
                 if not any((folder / split).glob("*.off")):
                     why = f"{folder / split} has no .off file; unpack the archive again"
-                    lacks.append(Lack("split", f"{folder.name}/{split}", why))
+                    issues.append(Issue("split", f"{folder.name}/{split}", why))
         found = [shape for folder in self._classes() for shape in _shapes(folder)]
-        remark = f"{SOURCE_SHARE:.0%} of train are source; which way the classes face is not known"
-        return Check(self.kind, str(self.path), found_in(found), tuple(lacks), (remark,))
+        remark = f"{SOURCE_FRACTION:.0%} of train are source; which way the classes face is not known"
+        return Check(self.kind, str(self.path), found_in(found), tuple(issues), (remark,))
 
     def _classes(self) -> list[Path]:
         if not self.path.is_dir():
@@ -58,7 +58,7 @@ class ModelNet:
 
 
 def is_modelnet(path: Path) -> bool:
-    """Whether a folder is laid out so."""
+    """Test whether a folder has ModelNet's layout."""
     return any(path.glob("*/train/*.off")) or any(path.glob("*/test/*.off"))
 
 
@@ -66,6 +66,6 @@ def _shapes(folder: Path) -> list[ShapeFile]:
     found = []
     for split in SPLITS:
         for file in sorted((folder / split).glob("*.off")):
-            drawn = split == "train" and zlib.crc32(file.stem.encode()) / 2**32 < SOURCE_SHARE
+            drawn = split == "train" and zlib.crc32(file.stem.encode()) / 2**32 < SOURCE_FRACTION
             found.append(ShapeFile(file.stem, category_of(folder.name), "source" if drawn else split, file, "z_up"))
     return found

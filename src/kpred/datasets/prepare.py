@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from kpred.atomic import atomic_path
-from kpred.datasets.check import Lack
+from kpred.datasets.check import Issue
 from kpred.datasets.dataset import Dataset, ShapeFile, found_in
 from kpred.errors import ConfigError, MeshError, OutputError, PackError
 from kpred.shapes.mesh import Mesh
@@ -45,14 +45,14 @@ class Prepared:
 
     packs: dict[str, Path]
     found: dict[str, dict[str, int]]
-    skipped: tuple[Lack, ...]
+    skipped: tuple[Issue, ...]
     read: int
     kept: int
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+        """Return plain values."""
         packs = {category: str(path) for category, path in self.packs.items()}
-        return {**asdict(self), "packs": packs, "skipped": [vars(lack) for lack in self.skipped]}
+        return {**asdict(self), "packs": packs, "skipped": [vars(issue) for issue in self.skipped]}
 
 
 def prepare_dataset(
@@ -85,11 +85,11 @@ def prepare_dataset(
     except OSError as error:
         raise OutputError(f"Cannot make the folder {place / CACHE}: {error.strerror}; choose another.") from error
     keys: list[str | None] = [None] * len(shapes)
-    skipped: dict[int, Lack] = {}
+    skipped: dict[int, Issue] = {}
     fresh = 0
     for done, (index, outcome) in enumerate(_outcomes(shapes, place / CACHE, workers), start=1):
         if outcome.reason:
-            skipped[index] = Lack("mesh", shapes[index].model_id, outcome.reason)
+            skipped[index] = Issue("mesh", shapes[index].model_id, outcome.reason)
         else:
             keys[index] = outcome.key
             fresh += outcome.fresh
@@ -111,9 +111,9 @@ def prepare_dataset(
         if progress is not None:
             progress("writing packs", done, len(categories))
     found = found_in([shapes[index] for index in usable])
-    lacks = tuple(skipped[index] for index in sorted(skipped))
-    result = Prepared(packs, found, lacks, fresh, len(usable) - fresh)
-    record = {"kind": dataset.kind, "found": found, "skipped": [vars(lack) for lack in lacks]}
+    issues = tuple(skipped[index] for index in sorted(skipped))
+    result = Prepared(packs, found, issues, fresh, len(usable) - fresh)
+    record = {"kind": dataset.kind, "found": found, "skipped": [vars(issue) for issue in issues]}
     with atomic_path(place / RECORD) as temporary:
         temporary.write_text(json.dumps(record, indent=2) + "\n")
     return result
@@ -121,7 +121,7 @@ def prepare_dataset(
 
 @dataclass(frozen=True)
 class _Outcome:
-    """Of one file: the key of its mesh in the cache and whether it was read now, or why it was not."""
+    """Outcome for one file: its mesh's cache key and whether it was read now, or the failure."""
 
     key: str = ""
     fresh: bool = False
@@ -129,7 +129,7 @@ class _Outcome:
 
 
 def _outcomes(shapes: Sequence[ShapeFile], cache: Path, workers: int) -> Iterator[tuple[int, _Outcome]]:
-    """Position and outcome of every shape, in the order in which they are done."""
+    """Yield position and outcome of every shape, in order of completion."""
     if workers == 1 or len(shapes) < 2:
         yield from ((index, _cached(shape, cache)) for index, shape in enumerate(shapes))
         return
@@ -171,8 +171,8 @@ def _cached(shape: ShapeFile, cache: Path) -> _Outcome:
 
 
 def _key(shape: ShapeFile) -> str:
-    """Content of the file, and all else that decides what is read from it."""
-    digest = hashlib.sha256(f"{VERSION} {shape.turn} {shape.path.suffix.lower()}\n".encode())
+    """Hash the content of the file, and all settings that affect reading."""
+    digest = hashlib.sha256(f"{VERSION} {shape.file_frame} {shape.path.suffix.lower()}\n".encode())
     with open(shape.path, "rb") as stream:
         while block := stream.read(1 << 20):
             digest.update(block)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from kpred.datasets.check import Check, Lack
+from kpred.datasets.check import Check, Issue
 from kpred.datasets.dataset import ShapeFile, found_in
 from kpred.errors import MeshError, PackError, ScanError
 from kpred.scenes.scan2cad import AlignedModel, SceneAnnotation, model_path, read_annotations
@@ -48,42 +48,42 @@ class Scan2Cad:
     def check(self) -> Check:
         """See `Dataset`."""
         scenes = self._annotations()
-        found, lacks = self._models()
+        found, issues = self._models()
         scans = labels = 0
         for scene in scenes:
             scan = next((file for file in self._scans(scene.id_scan) if file.is_file()), None)
             if scan is None:
                 why = f"{self._scans(scene.id_scan)[0]} is not there; download the scan from ScanNet"
-                lacks.append(Lack("scan", scene.id_scan, why))
+                issues.append(Issue("scan", scene.id_scan, why))
                 continue
             scans += 1
             label = scan.with_name(f"{scan.stem}.labels.ply")
             if label.is_file():
                 labels += 1
             else:
-                lacks.append(
-                    Lack("labels", scene.id_scan, f"{label} is not there; objects are cut by boxes without it")
+                issues.append(
+                    Issue("labels", scene.id_scan, f"{label} is not there; objects are cut by boxes without it")
                 )
-            lacks += [Lack("annotation", item.name, item.reason) for item in scene.broken]
+            issues += [Issue("annotation", item.name, item.reason) for item in scene.broken]
         numbers = {"scenes": {"annotated": len(scenes), "with scan": scans, "with labels": labels}}
-        return Check(self.kind, str(self.path), {**numbers, **found_in(found)}, tuple(lacks))
+        return Check(self.kind, str(self.path), {**numbers, **found_in(found)}, tuple(issues))
 
-    def _models(self) -> tuple[list[ShapeFile], list[Lack]]:
-        """Each annotated CAD model once, in the order of their ids; and those that are not there."""
+    def _models(self) -> tuple[list[ShapeFile], list[Issue]]:
+        """List each annotated CAD model once, by id; and those that are missing."""
         wanted: dict[tuple[str, str], AlignedModel] = {}
         for scene in self._annotations():
             for model in scene.models:
                 if self.category in (None, model.category):
                     wanted.setdefault((model.catid_cad, model.id_cad), model)
-        found, lacks = [], []
+        found, issues = [], []
         for (catid, id_cad), model in sorted(wanted.items()):
             try:
                 file = model_path(model, self.shapenet or self.path)
             except MeshError as error:
-                lacks.append(Lack("model", f"{catid}/{id_cad}", str(error)))
+                issues.append(Issue("model", f"{catid}/{id_cad}", str(error)))
                 continue
             found.append(ShapeFile(id_cad, model.category, "source", file, "half"))
-        return found, lacks
+        return found, issues
 
     def _annotations(self) -> tuple[SceneAnnotation, ...]:
         try:
@@ -92,7 +92,7 @@ class Scan2Cad:
             raise PackError(str(error)) from error
 
     def _scans(self, id_scan: str) -> list[Path]:
-        """Where a scan may lie, the likeliest first."""
+        """List possible paths of a scan, the likeliest first."""
         name = f"{id_scan}_vh_clean_2.ply"
         roots = [self.path / "Assets" / "scannet-sample", self.path / "scans", self.path]
         if self.scannet is not None:

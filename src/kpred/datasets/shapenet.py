@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from kpred.datasets.check import Check, Lack
+from kpred.datasets.check import Check, Issue
 from kpred.datasets.dataset import ShapeFile, found_in
 from kpred.errors import PackError
 from kpred.shapes.categories import category_of
@@ -35,7 +35,7 @@ class SplitRow:
 
 
 def read_split(file: Path) -> list[SplitRow]:
-    """The lines of a split file, in their order.
+    """Read the lines of a split file, in their order.
 
     Raises:
         PackError: the file is missing or unreadable, lacks a column, has a line that is not one of the splits, or
@@ -92,16 +92,16 @@ class ShapeNet:
     def check(self) -> Check:
         """See `Dataset`."""
         found, absent = self._sorted()
-        lacks = []
+        issues = []
         # A synset of which nothing is there is one lack, not thousands.
         whole = {row.synset for row in absent if not (self.path / row.synset).is_dir()}
         for synset, count in sorted(Counter(row.synset for row in absent if row.synset in whole).items()):
             why = f"{self.path / synset} is not there ({count} models of the split); download it"
-            lacks.append(Lack("synset", f"{synset} ({category_of(synset)})", why))
+            issues.append(Issue("synset", f"{synset} ({category_of(synset)})", why))
         for row in absent:
             if row.synset not in whole:
                 why = f"{self.path / row.synset / row.model_id / FILES[0]} is not there ({row.split}); download it"
-                lacks.append(Lack("model", f"{row.synset}/{row.model_id}", why))
+                issues.append(Issue("model", f"{row.synset}/{row.model_id}", why))
         known = {shape.path.relative_to(self.path).parts[:2] for shape in found}
         known |= {(row.synset, row.model_id) for row in absent}
         others = sum(
@@ -112,10 +112,10 @@ class ShapeNet:
             if folder.is_dir()
         )
         remarks = (f"{others} models that are there are not in the split and are left out",) if others else ()
-        return Check(self.kind, str(self.path), found_in(found), tuple(lacks), remarks)
+        return Check(self.kind, str(self.path), found_in(found), tuple(issues), remarks)
 
     def _sorted(self) -> tuple[list[ShapeFile], list[SplitRow]]:
-        """The models of the split that are there, and those that are not."""
+        """List the models of the split that are present, and those that are missing."""
         if not self.path.is_dir():
             raise PackError(f"{self.path}: there is no such folder; give the folder of ShapeNet's synsets.")
         found: list[ShapeFile] = []

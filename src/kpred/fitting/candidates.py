@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from kpred.database import Database
-from kpred.fitting.encoding import Observation
+from kpred.fitting.encoding import ScanEncoding
 from kpred.ops.chamfer_cpu import chamfer_of_each
 from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
@@ -63,7 +63,7 @@ class Candidates:
     point_normals: np.ndarray | None = None
 
     def structure_model(self, row: int, config: StructureConfig) -> StructureModel:
-        """The model of one row, made ready for structure-keeping fits; kept in memory."""
+        """Build the structure model of one row, cached in memory."""
         assert self.point_parts is not None and self.point_normals is not None
         key = (self.structures[row], config)
         with _lock:
@@ -87,25 +87,25 @@ class Candidates:
     def _deformed(self) -> Tensor:
         return deformed(self.points, self.basis, self.displacement)
 
-    def errors(self, most: int | None = None) -> Tensor:
-        """(C,) CD or, for partial scans, UCD; unit box squared; infinite for those that were stopped.
+    def errors(self, max_points: int | None = None) -> Tensor:
+        """Compute CD (C,) or, for partial scans, UCD; unit box squared; infinite for stopped candidates.
 
-        `most` bounds the queries of each cloud, which are searched among all points of the other.
+        `max_points` bounds the queries of each cloud, which are searched among all points of the other.
         """
         rows = torch.arange(len(self.model_ids)) if self.stopped is None else (~self.stopped).nonzero()[:, 0]
         errors = torch.full((len(self.model_ids),), torch.inf)
-        errors[rows] = self.errors_of(rows, most)
+        errors[rows] = self.errors_of(rows, max_points)
         return errors
 
-    def errors_of(self, rows: Tensor, most: int | None = None) -> Tensor:
-        """`errors` of these rows, stopped or not."""
+    def errors_of(self, rows: Tensor, max_points: int | None = None) -> Tensor:
+        """Compute `errors` of these rows, stopped or not."""
         results, target = _rows(self.deformed(), rows), self.target
-        steps = [1 if most is None else max(1, count // most) for count in (results.shape[1], len(target))]
+        steps = [1 if max_points is None else max(1, count // max_points) for count in (results.shape[1], len(target))]
         found = chamfer_of_each(target.contiguous().numpy(), results.numpy(), self.partial, *steps)
         return torch.from_numpy(found)
 
     def refined(self, config: RefineConfig, rows: Tensor | None = None) -> Candidates:
-        """The same candidates, or those of `rows`, with refined keypoints.
+        """Return the same candidates, or those of `rows`, with refined keypoints.
 
         All take a few quick steps on some of the points; those that are then far behind the best stop there.
         """
@@ -124,7 +124,7 @@ class Candidates:
         return replace(kept, displacement=displacement, stopped=stopped)
 
     def _hints(self, config: RefineConfig) -> Hints:
-        """What is known of the unseen part of a partial scan; nothing of a full one."""
+        """Return hints about the unseen part of a partial scan; none for a full one."""
         if not self.partial:
             return Hints()
         sensors = self.sensors if config.free_space > 0 or config.reflection > 0 else None
@@ -141,8 +141,8 @@ class Candidates:
     def _moved(self, refined: Refined) -> Candidates:
         return replace(self, displacement=refined.displacement)
 
-    def turned(self, rotation: Float[Tensor, "3 3"]) -> Candidates:
-        """The same candidates for a scan turned by a small rotation about the middle of its unit box."""
+    def rotated(self, rotation: Float[Tensor, "3 3"]) -> Candidates:
+        """Return the candidates for a scan rotated slightly about the middle of its unit box."""
         old = None if self.keypoints is None else self.keypoints @ rotation.T
         moved = self.displacement
         if old is not None and self.keypoints is not None:
@@ -152,7 +152,7 @@ class Candidates:
         return replace(self, target=target, keypoints=old, displacement=moved, sensors=sensors)
 
     def take(self, rows: Tensor) -> Candidates:
-        """The candidates of these rows, in their order."""
+        """Select the candidates of these rows, in their order."""
         chosen = rows.tolist()
         return replace(
             self,
@@ -169,12 +169,12 @@ class Candidates:
 
 
 def _rows(tensor: Tensor, rows: Tensor) -> Tensor:
-    """`tensor[rows]`, on the CPU. Waking torch's threads, which such an index does, takes longer than the copy."""
+    """Copy `tensor[rows]` on the CPU, faster than an index, which would wake torch's threads."""
     return torch.from_numpy(tensor.numpy()[rows.numpy()])
 
 
 def retrieve_named(candidates: Candidates, database: Database, model_id: str) -> Candidates:
-    """One named model of the same category, deformed by the same keypoints.
+    """Retrieve one named model of the same category, deformed by the same keypoints.
 
     Raises:
         DatabaseError: if the database has no such model of the category.
@@ -195,17 +195,17 @@ def retrieve_named(candidates: Candidates, database: Database, model_id: str) ->
 
 
 def retrieve(
-    observation: Observation, hypothesis: int, database: Database, category: str, top_k: int, partial: bool
+    encoding: ScanEncoding, hypothesis: int, database: Database, category: str, top_k: int, partial: bool
 ) -> Candidates:
-    """The `top_k` models nearest by weighted token distance, deformed by the observed keypoints.
+    """Retrieve the `top_k` models nearest by weighted token distance, deformed by the predicted keypoints.
 
     Raises:
         DatabaseError: if the database has no models of the category.
     """
     found = database.search(
         category,
-        observation.tokens[hypothesis].numpy(),
-        weights=observation.weights[hypothesis].numpy(),
+        encoding.tokens[hypothesis].numpy(),
+        weights=encoding.weights[hypothesis].numpy(),
         top_k=top_k,
     )
     arrays = database.candidates(category, found.model_ids)
@@ -215,11 +215,11 @@ def retrieve(
         distances=np.asarray(found.distances),
         points=torch.from_numpy(arrays.points),
         basis=torch.from_numpy(arrays.point_basis),
-        displacement=observation.keypoints[hypothesis] - torch.from_numpy(arrays.keypoints),
-        target=observation.points[hypothesis],
-        confidence=observation.confidence[hypothesis],
+        displacement=encoding.keypoints[hypothesis] - torch.from_numpy(arrays.keypoints),
+        target=encoding.points[hypothesis],
+        confidence=encoding.confidence[hypothesis],
         partial=partial,
-        keypoints=observation.keypoints[hypothesis],
+        keypoints=encoding.keypoints[hypothesis],
         structures=arrays.structures,
         point_parts=arrays.point_parts,
         point_normals=arrays.point_normals,

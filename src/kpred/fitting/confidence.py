@@ -14,7 +14,7 @@ from kpred.fitting.hypotheses import Hypothesis
 from kpred.nn.calibration import Calibration
 from kpred.ops import nearest_neighbours
 from kpred.ops.rotations import yaw_rotation
-from kpred.ops.sampling import at_even_steps
+from kpred.ops.sampling import subsample
 from kpred.ops.typing import Float
 
 UNEXPLAINED_DISTANCE = 0.1
@@ -23,7 +23,7 @@ UNEXPLAINED_DISTANCE = 0.1
 EXPLAINED, DOUBT_WIDTH = 0.1, 0.15
 """Unexplained fraction of a scan from which on confidence falls, and the fraction beyond that divides it by e."""
 
-SAME_TURN = math.radians(20.0)
+SAME_YAW = math.radians(20.0)
 """Readings whose turns differ by less than this are one, as far as confidence goes."""
 
 SAME_SHAPE = 0.03
@@ -74,7 +74,7 @@ class Evidence:
     change: float = 0.0
 
     def features(self) -> Float[np.ndarray, " features"]:
-        """What the logistic regression sees; the last number is the odds, and missing where there are none."""
+        """Return the features of the logistic regression; the last, the odds, only if there are any."""
         numbers = [
             1.0,
             math.log(max(self.error, 1e-3)),
@@ -128,7 +128,7 @@ def evidence_of(
         scored: a recognizer gave the readings their odds.
     """
     target = chosen.candidates.target
-    some = at_even_steps(target, EVIDENCE_POINTS)
+    some = subsample(target, EVIDENCE_POINTS)
     squared = nearest_neighbours(some[None], result[None])[0][0]
     return Evidence(
         error=float(squared.mean().sqrt()),
@@ -143,7 +143,7 @@ def evidence_of(
 
 
 def category_probabilities(tried: Sequence[Hypothesis]) -> dict[str, float]:
-    """Probability of each category tried, by the best reading of each, the likeliest first."""
+    """Return the probability of each category tried, by its best hypothesis, the likeliest first."""
     best: dict[str, float] = {}
     for one in tried:
         best[one.category] = max(one.score, best.get(one.category, -math.inf))
@@ -152,21 +152,21 @@ def category_probabilities(tried: Sequence[Hypothesis]) -> dict[str, float]:
 
 
 def _turn_probability(chosen: Hypothesis, result: torch.Tensor, tried: Sequence[Hypothesis]) -> float:
-    """By the scores of the readings of the same category: those turned otherwise count against the chosen one."""
+    """Compute the probability of the chosen yaw among hypotheses of the same category."""
     scores, same = [], []
     for one in tried:
         if one.category != chosen.category:
             continue
         difference = one.frame.rotation @ chosen.frame.rotation.T
         angle = math.acos(max(-1.0, min(1.0, (float(np.trace(difference)) - 1) / 2)))
-        upright = difference[1, 1] > math.cos(SAME_TURN)
+        upright = difference[1, 1] > math.cos(SAME_YAW)
         scores.append(one.score)
-        same.append(angle < SAME_TURN or (upright and _unchanged(result, difference)))
+        same.append(angle < SAME_YAW or (upright and _unchanged(result, difference)))
     return sum(share for share, is_same in zip(_softmax(scores), same, strict=True) if is_same)
 
 
 def _unchanged(result: torch.Tensor, turn: np.ndarray) -> bool:
-    """Whether a turn about the middle of its box leaves a cloud as it is."""
+    """Test whether a rotation about the middle of its box leaves a cloud as it is."""
     few = result[:: max(1, len(result) // SHAPE_POINTS)]
     centred = few - (few.amin(0) + few.amax(0)) / 2
     yaw = math.atan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2])

@@ -28,12 +28,12 @@ _checking = Lock()
 
 
 def bundled_database_path() -> Path:
-    """The starter database that comes with the package."""
+    """Return the path of the bundled starter database."""
     return Path(str(resources.files("kpred"))) / "bundled" / "furniture.kpred"
 
 
 def sample_scan() -> Path:
-    """The sample scan that comes with the package.
+    """Return the path of the bundled sample scan.
 
     Raises:
         ScanError: it is missing, as in a damaged installation.
@@ -44,7 +44,7 @@ def sample_scan() -> Path:
     return path
 
 
-def as_model(model: Model | str | os.PathLike[str] | None) -> Model:
+def resolve_model(model: Model | str | os.PathLike[str] | None) -> Model:
     """Resolve a model: itself, or that of a name or folder (None: bundled), loaded again only when its files change.
 
     Raises:
@@ -59,7 +59,7 @@ def as_model(model: Model | str | os.PathLike[str] | None) -> Model:
     return _models.get((name, folder), folder_state(folder), lambda: load_model(name))
 
 
-def as_database(database: Database | str | os.PathLike[str] | None) -> Database:
+def resolve_database(database: Database | str | os.PathLike[str] | None) -> Database:
     """Resolve a database: itself, or that at a path (None: bundled), opened again when another file is there.
 
     Raises:
@@ -76,7 +76,7 @@ def as_database(database: Database | str | os.PathLike[str] | None) -> Database:
 
 
 def shared_categories(model: Model, database: Database, category: str | None) -> list[str]:
-    """Categories that both know, or the one asked for.
+    """Return the categories of both model and database, or only the given one.
 
     Raises:
         DatabaseError: if the database was made by other weights, or is empty.

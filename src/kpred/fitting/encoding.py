@@ -14,7 +14,7 @@ from kpred.nn.keypoints import thinned
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class ScanEncoding:
     """H hypotheses of one scan, unit-box coordinates.
 
     Attributes:
@@ -29,7 +29,7 @@ class Observation:
     weights: Tensor
 
 
-def observe(points: Tensor, network: KPRed, partial: bool) -> Observation:
+def encode_scan(points: Tensor, network: KPRed, partial: bool) -> ScanEncoding:
     """Encode clouds (H, N, 3) that lie in unit boxes (paper Sec. 3.2 for full, 3.3 for partial scans)."""
     if isinstance(network, EncodedAhead):
         found = None if partial else network.seen(points)
@@ -46,7 +46,7 @@ def observe(points: Tensor, network: KPRed, partial: bool) -> Observation:
     weights = confidence if partial else torch.ones_like(confidence)
     # Nothing seen anywhere: every region counts the same.
     weights = torch.where(weights.sum(1, keepdim=True) > 0, weights, torch.ones_like(weights))
-    return Observation(points, keypoints, tokens, confidence, weights)
+    return ScanEncoding(points, keypoints, tokens, confidence, weights)
 
 
 class EncodedAhead(KPRed):
@@ -58,25 +58,25 @@ class EncodedAhead(KPRed):
     _own: KPRed
 
     def __init__(self, network: KPRed, clouds: Tensor) -> None:
-        """`clouds`: (S, N, 3) in unit boxes."""
+        """Encode `clouds` (S, N, 3) in unit boxes as one batch."""
         torch.nn.Module.__init__(self)
         self.config = network.config
         # Its parts are those of the other: neither copied nor registered a second time.
         self._modules = network._modules
         object.__setattr__(self, "_own", network)
-        together = observe(clouds, network, partial=False)
+        together = encode_scan(clouds, network, partial=False)
         self._seen = {_content(cloud): _row(together, row) for row, cloud in enumerate(clouds)}
 
-    def seen(self, points: Tensor) -> Observation | None:
-        """What was seen in this cloud (1, N, 3); None if it was not among them."""
+    def seen(self, points: Tensor) -> ScanEncoding | None:
+        """Return the encoding of this cloud (1, N, 3), or None if it was not in the batch."""
         return self._seen.get(_content(points[0])) if len(points) == 1 else None
 
-    def encode(self, points: Tensor, partial: bool) -> Observation:
-        """As ever."""
-        return observe(points, self._own, partial)
+    def encode(self, points: Tensor, partial: bool) -> ScanEncoding:
+        """Return the encoding from the batch, or compute it."""
+        return encode_scan(points, self._own, partial)
 
     def fingerprint(self) -> str:
-        """Of the networks; hashed once."""
+        """Return the networks' fingerprint, computed once."""
         return _fingerprint(self._own)
 
 
@@ -94,6 +94,6 @@ def _content(cloud: Tensor) -> bytes:
     return cloud.contiguous().numpy().tobytes()
 
 
-def _row(seen: Observation, row: int) -> Observation:
-    fields: dict[str, Any] = {name: getattr(seen, name)[row : row + 1] for name in Observation.__dataclass_fields__}
-    return Observation(**fields)
+def _row(seen: ScanEncoding, row: int) -> ScanEncoding:
+    fields: dict[str, Any] = {name: getattr(seen, name)[row : row + 1] for name in ScanEncoding.__dataclass_fields__}
+    return ScanEncoding(**fields)

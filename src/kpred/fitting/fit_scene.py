@@ -13,7 +13,7 @@ import trimesh
 
 from kpred.database import Database
 from kpred.errors import ConfigError, KpredError, OutputError, ScanError
-from kpred.fitting.defaults import as_database, as_model, shared_categories
+from kpred.fitting.defaults import resolve_database, resolve_model, shared_categories
 from kpred.fitting.pipeline import fit
 from kpred.fitting.result import Fit
 from kpred.nn import Model
@@ -50,14 +50,14 @@ class ObjectFit:
     floor: float | None = None
 
     def cad_mesh(self) -> trimesh.Trimesh:
-        """The deformed mesh in ShapeNet's frame: y up, front -z, middle of its box 0, diagonal of its box 1."""
+        """Return the deformed mesh in ShapeNet's frame: y up, front -z, centred, box diagonal 1."""
         assert self.fit is not None
         to_cad = np.linalg.inv(self.cad_to_scan())
         vertices = np.asarray(self.fit.mesh.vertices) @ to_cad[:3, :3].T + to_cad[:3, 3]
         return trimesh.Trimesh(vertices, np.asarray(self.fit.mesh.faces), process=False)
 
     def cad_to_scan(self) -> np.ndarray:
-        """(4, 4) for column vectors: from the frame of `cad_mesh` to the scene's frame and units, a similarity."""
+        """Return the similarity (4, 4), column vectors, from the frame of `cad_mesh` to the scene's frame and units."""
         assert self.fit is not None
         box = self.fit.frame.to_unit(np.asarray(self.fit.mesh.vertices, dtype=np.float64))
         low, high = box.min(axis=0), box.max(axis=0)
@@ -67,7 +67,7 @@ class ObjectFit:
         return self.fit.frame.matrix() @ cad_to_unit
 
     def alignment(self, mesh: str = "") -> Alignment:
-        """Where the deformed mesh stands, in Scan2CAD's terms; `mesh` is the file that holds it."""
+        """Return the pose of the deformed mesh in Scan2CAD's terms; `mesh`: the file that holds it."""
         assert self.fit is not None
         translation, rotation, scale = decompose(self.cad_to_scan())
         return Alignment(
@@ -102,13 +102,13 @@ class SceneFit:
         return tuple(item for item in self.fits if item.fit is not None)
 
     def scan_to_glb(self) -> np.ndarray:
-        """(4, 4) rotation that turns the scan's up axis to +y, as glTF wants; z up: (x, y, z) -> (x, z, -y)."""
+        """Return the rotation (4, 4) of the scan's up axis to +y, as in glTF."""
         matrix = np.eye(4)
         matrix[:3, :3] = upright(self.scene.up)
         return matrix
 
     def glb_scene(self) -> trimesh.Scene:
-        """One named node an object (`Alignment.node`), y up; metres if the scan's unit is the metre.
+        """Build a scene with one named node per object (`Alignment.node`), y up, in the scan's unit.
 
         Meshes are in ShapeNet's frame (`ObjectFit.cad_mesh`); nodes carry `cad_to_scan` and stand below `scan_frame`,
         which carries `scan_to_glb`.
@@ -154,7 +154,7 @@ class SceneFit:
         write_csv(path, [item.alignment() for item in self.fitted])
 
     def to_json(self, mesh: str = "") -> dict[str, Any]:
-        """Everything but the meshes, as plain values; `mesh` names the GLB in Scan2CAD's entries.
+        """Return everything but the meshes, as plain values; `mesh` names the GLB in Scan2CAD's entries.
 
         `scan2cad` is a list of one scene in the form of `full_annotations.json`: its world is that of the GLB.
         """
@@ -209,7 +209,7 @@ def fit_scene(
     for name in ("category", "up"):
         if name in fit_options:
             raise ConfigError(f"{name} is told by the scene's objects; leave the option out.")
-    networks, store = as_model(model), as_database(database)
+    networks, store = resolve_model(model), resolve_database(database)
     known = tuple(shared_categories(networks, store, None))
     if isinstance(floor, bool):
         ground = find_floor(scene, objects) if floor else None
@@ -226,7 +226,7 @@ def fit_scene(
 
 
 def upright(up: str) -> np.ndarray:
-    """(3, 3) shortest rotation that takes an up axis (x, y, z, -x, -y, -z) to +y."""
+    """Return the shortest rotation (3, 3) of an up axis (x, y, z, -x, -y, -z) to +y."""
     axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
     if axis[1] == -1:
         return np.diag([1.0, -1.0, -1.0])

@@ -11,7 +11,7 @@ MAX_GAP = 0.15
 """A scan that ends higher above the floor than this fraction of the object's height above it lacks the feet."""
 
 
-def feet_missing(scan: Float[np.ndarray, "scan 3"], up: str, floor: float) -> bool:
+def is_truncated(scan: Float[np.ndarray, "scan 3"], up: str, floor: float) -> bool:
     """Decide whether the scan of an object that stands on the floor ends well above it.
 
     Args:

@@ -1,4 +1,4 @@
-"""Category, yaw and box of a scan are hypotheses; the one that is likely and whose quick fit is close is taken."""
+"""Hypotheses of category, yaw and box of a scan, ranked by likelihood and by a quick fit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve
-from kpred.fitting.encoding import observe
+from kpred.fitting.encoding import encode_scan
 from kpred.nn import KPRed, Model
 from kpred.ops import squared_distances, unit_box_frame
 from kpred.ops.frames import Frame
@@ -34,7 +34,7 @@ ERROR_WEIGHT = 2.5
 find yaw and category of the most, 86 and 95 %; a power of 1 finds four and two fewer, one of 0 seven and three.
 """
 
-LEAST_SIDE = 0.12
+MIN_SIDE = 0.12
 """Furniture is thicker than this share of its longest side; a thinner box is that of one plate that alone was seen."""
 
 USUAL_SIDES = (0.7, 0.5, 0.35)
@@ -88,7 +88,7 @@ class Search:
 def hypotheses(
     points: np.ndarray, readings: Sequence[PoseHypothesis], search: Search, partial: bool
 ) -> list[Hypothesis]:
-    """Every reading tried, the likeliest first.
+    """Try every pose hypothesis; return the results, the likeliest first.
 
     Args:
         points: (N, 3) the scan in its own frame and units.
@@ -102,9 +102,9 @@ def hypotheses(
         network = search.model[category]
         frames, box_errors = _frames(points, tried, network, search, partial)
         clouds = _clouds(points, frames)
-        observation = observe(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
+        encoding = encode_scan(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
         candidates = [
-            retrieve(observation, row, search.database, category, search.top_k, partial) for row in range(len(tried))
+            retrieve(encoding, row, search.database, category, search.top_k, partial) for row in range(len(tried))
         ]
         errors = [1.0] if alone else _screen(candidates)
         for reading, read, frame, box_error, error in zip(tried, candidates, frames, box_errors, errors, strict=True):
@@ -115,8 +115,8 @@ def hypotheses(
     if not alone:
         # They were only compared; the best is read again with all points.
         best = found[0]
-        observation = observe(_clouds(points, [best.frame]), search.model[best.category], partial)
-        again = retrieve(observation, 0, search.database, best.category, search.top_k, partial)
+        encoding = encode_scan(_clouds(points, [best.frame]), search.model[best.category], partial)
+        again = retrieve(encoding, 0, search.database, best.category, search.top_k, partial)
         found[0] = replace(best, candidates=again)
     return found
 
@@ -134,7 +134,7 @@ def _frames(
 def whole_frames(
     points: np.ndarray, frames: Sequence[Frame], network: KPRed, floor: float | None = None
 ) -> tuple[list[Frame], list[float]]:
-    """Frames of the visible box -> frames of the box that the whole object is expected to have, and their errors.
+    """Predict frames of whole objects' boxes from frames of visible boxes, and their errors.
 
     The errors are what the network expects, mean over the box's faces, in the new frames' unit box. `floor` is its
     height along the frames' y axis before they centre and scale; the box then stands on it.
@@ -156,14 +156,14 @@ def whole_frames(
 def thickened(
     low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Corners of a box, canonical axes, no side of which is as thin as no furniture is.
+    """Return the corners of a box, canonical axes, with each side at least as thick as furniture.
 
     Where only one plate was seen, the network may see no sign of what is behind it. A plate across the depth is then
     taken as the front, since the reading says that it faces +z, a level one as the top; to the side both are likely.
     """
     low, high = low.copy(), high.copy()
     side, longest = high - low, float((high - low).max())
-    for axis in np.flatnonzero(side < LEAST_SIDE * longest):
+    for axis in np.flatnonzero(side < MIN_SIDE * longest):
         more = USUAL_SIDES[axis] * longest - side[axis]
         below = 0.5 if axis == 0 else 1.0
         low[axis] -= below * more
@@ -172,7 +172,7 @@ def thickened(
 
 
 def initial_frame(points: np.ndarray, reading: PoseHypothesis, known: bool) -> Frame:
-    """Frame of what is seen, turned as a reading says; the identity where the scan lies in its unit box."""
+    """Return the frame of the visible part after the hypothesis's rotation; the identity for a known frame."""
     return Frame(center=np.zeros(3), scale=1.0) if known else unit_box_frame(points, reading.rotation)
 
 
@@ -181,7 +181,7 @@ def _clouds(points: np.ndarray, frames: Sequence[Frame]) -> Tensor:
 
 
 def _screen(readings: Sequence[Candidates]) -> list[float]:
-    """Lowest error of each reading after a quick refinement of its best candidates, all readings in one batch.
+    """Return the lowest error of each hypothesis after a quick refinement of its best candidates, batched.
 
     Points are few and in random order; the models' are taken at even steps.
     """

@@ -1,4 +1,4 @@
-"""What a fit gives back: the CAD mesh in the scan's own frame and units, and all that led to it."""
+"""Result of a fit: the CAD mesh in the scan's own frame and units, and all intermediate results."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class Fit:
         return measure_cleanliness(source, result, np.asarray(entry.mesh.faces), entry.structure)
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the meshes, as plain values."""
+        """Return everything but the meshes, as plain values."""
         return {
             "model_id": self.source.model_id,
             "category": self.category,

@@ -11,9 +11,9 @@ import torch
 
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve_named
-from kpred.fitting.defaults import as_database, as_model, shared_categories
+from kpred.fitting.defaults import resolve_database, resolve_model, shared_categories
 from kpred.fitting.deform import PLACED_POINTS
-from kpred.fitting.floor_contact import feet_missing
+from kpred.fitting.floor_contact import is_truncated
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, initial_frame
 from kpred.fitting.options import FitOptions
 from kpred.fitting.raw_scan import RawScan, without_strays
@@ -60,7 +60,7 @@ class Context:
         Raises:
             ModelError, DatabaseError: they are missing, or the database was made by other weights.
         """
-        networks, store = as_model(model), as_database(database)
+        networks, store = resolve_model(model), resolve_database(database)
         return cls(networks, store, tuple(shared_categories(networks, store, category)))
 
 
@@ -176,7 +176,7 @@ def align(tried: Tried, context: Context, options: FitOptions) -> Tried:
         return tried
     turn = yaw_rotation(-yaw)
     frame = replace(tried.best.frame, rotation=turn @ tried.best.frame.rotation)
-    best = replace(tried.best, frame=frame, candidates=tried.best.candidates.turned(torch.from_numpy(turn).float()))
+    best = replace(tried.best, frame=frame, candidates=tried.best.candidates.rotated(torch.from_numpy(turn).float()))
     return Tried(best, tried.every, _visibility(best.candidates, context, options))
 
 
@@ -185,7 +185,7 @@ def _lacks_parts(scan: CleanScan, reading: PoseHypothesis, context: Context, opt
     if options.partial is not None:
         return options.partial
     floor = scan.floor
-    if floor is not None and not options.known and feet_missing(scan.points, scan.up, floor):
+    if floor is not None and not options.known and is_truncated(scan.points, scan.up, floor):
         return True
     frame = initial_frame(scan.points, reading, options.known)
     cloud = torch.from_numpy(frame.to_unit(scan.points)).float()
@@ -209,11 +209,11 @@ def _missing_yaw(candidates: Candidates, visibility: Visibility) -> float:
         some = np.ascontiguousarray(points[:: max(1, len(points) // PLACED_POINTS)])
         visible = visibility(some)
         straight = fit_placement(some, Placement.identity(), few, visible, per_axis=True, free_yaw=False, rounds=8)
-        turned = fit_placement(some, straight, few, visible, per_axis=True, free_yaw=True, rounds=8)
+        rotated = fit_placement(some, straight, few, visible, per_axis=True, free_yaw=True, rounds=8)
         errors = [
             distances(few, (apart, 0.0), np.ascontiguousarray(one(some), dtype=np.float32), visible).error
-            for one in (straight, turned)
+            for one in (straight, rotated)
         ]
         if errors[1] < min(best, YAW_GAIN * errors[0]):
-            best, found = errors[1], turned.yaw
+            best, found = errors[1], rotated.yaw
     return found

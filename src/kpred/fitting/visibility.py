@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.encoding import observe
+from kpred.fitting.encoding import encode_scan
 from kpred.nn import Model
 from kpred.nn.visibility import VisibilityNetwork
 from kpred.ops.trilinear import interpolate_grid
@@ -106,5 +106,5 @@ def lacks_parts(scan: Float[Tensor, "scan 3"], model: Model, category: str, know
     if model.visibility is not None:
         found = model.visibility.grid(scan, BOX_NODES, torch.from_numpy(low).float(), torch.from_numpy(high).float())
         return float(found.mean()) < least
-    seen = observe(scan[None], model[category], partial=False)
+    seen = encode_scan(scan[None], model[category], partial=False)
     return float((seen.confidence[0] / HALF_SEEN).clamp(max=1.0).mean()) < least

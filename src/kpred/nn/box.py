@@ -26,7 +26,7 @@ class BoxPredictor(nn.Module):
     def forward(
         self, points: Float[Tensor, "batch points 3"]
     ) -> tuple[Float[Tensor, "batch 2 3"], Float[Tensor, "batch 2 3"]]:
-        """Corners (lowest, highest) of the whole object's box, and the mean absolute error expected of each number.
+        """Predict the corners (lowest, highest) of the whole object's box, and their mean absolute errors.
 
         Points fill their own unit box; so are the results stated.
         """

@@ -84,12 +84,12 @@ class ModelConfig:
         return 10 * 4**self.cage_subdivisions + 2
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return dataclasses.asdict(self)
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> ModelConfig:
-        """The config written by `to_dict`.
+        """Return the config written by `to_dict`.
 
         Raises:
             ConfigError: if a key is unknown, as when the file was written by a newer version, or a value cannot be.
@@ -124,7 +124,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 
 def preset(name: str, category: str, **changes: Any) -> ModelConfig:
-    """The named architecture for one category, with single settings changed.
+    """Return the named architecture for one category, with some settings changed.
 
     Raises:
         ConfigError: if there is no preset of this name.

@@ -24,7 +24,7 @@ class ContextBlock(nn.Module):
         nn.init.zeros_(self.merge.bias)
 
     def forward(self, features: Float[Tensor, "batch points width"]) -> Float[Tensor, "batch points width"]:
-        """Features in the same order; the result does not depend on the order beyond that."""
+        """Transform features, equivariant to the order of points."""
         # The activation rises, so that it may as well follow the pooling: one row a cloud instead of all.
         pooled = functional.leaky_relu(self.wide(features).amax(1), 0.1)
         shape = functional.leaky_relu(self.shape(pooled), 0.1)

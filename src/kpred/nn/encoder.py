@@ -25,7 +25,7 @@ class TokenAttention(nn.Module):
         self.widen, self.narrow = nn.Linear(width, 2 * width), nn.Linear(2 * width, width)
 
     def forward(self, tokens: Float[Tensor, "batch regions width"]) -> Float[Tensor, "batch regions width"]:
-        """Tokens in the same order, each now informed by all others."""
+        """Transform tokens by attention among them, in the same order."""
         query, key, value = self.project(self.before(tokens)).unflatten(2, (3, self.heads, -1)).unbind(2)
         attended = functional.scaled_dot_product_attention(
             query.transpose(1, 2), key.transpose(1, 2), value.transpose(1, 2)
@@ -52,7 +52,7 @@ class RegionEncoder(nn.Module):
     def forward(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints width"]:
-        """Region tokens; both inputs in one unit-box frame."""
+        """Encode regions as tokens; both inputs in one unit-box frame."""
         index, _ = ball_query(points.detach(), keypoints.detach(), self.config.radius, self.config.region_points)
         region = gather_points(points, index)
         relative = (region - keypoints[:, :, None]) / self.config.radius
@@ -80,7 +80,7 @@ class GlobalEncoder(nn.Module):
     def forward(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints width"]:
-        """The shape's pooled feature, once per keypoint, told apart by the keypoint's identity alone."""
+        """Encode the shape once per keypoint; tokens differ by the keypoint's identity only."""
         features = points
         for layer in self.layers:
             features = functional.leaky_relu(layer(features), 0.1)
@@ -88,5 +88,5 @@ class GlobalEncoder(nn.Module):
 
 
 def make_encoder(config: ModelConfig, local: bool) -> RegionEncoder | GlobalEncoder:
-    """The region encoder, or its global stand-in when `local` is off."""
+    """Build the region encoder, or the global encoder when `local` is off."""
     return RegionEncoder(config) if local else GlobalEncoder(config)

@@ -32,7 +32,7 @@ class InfluencePredictor(nn.Module):
         keypoints: Float[Tensor, "batch keypoints 3"],
         cage: Float[Tensor, "batch vertices 3"],
     ) -> Float[Tensor, "batch keypoints vertices"]:
-        """I with C' = C + I^T (K_target - K_source); all in the source's unit box."""
+        """Predict I with C' = C + I^T (K_target - K_source); all in the source's unit box."""
         tokens = self.encoder(points, keypoints)
         one_hot = torch.eye(self.config.keypoints, dtype=tokens.dtype, device=tokens.device)
         features = torch.cat([tokens, one_hot.expand(len(tokens), -1, -1)], dim=2)
@@ -47,7 +47,7 @@ class InfluencePredictor(nn.Module):
 def support(
     keypoints: Float[Tensor, "batch keypoints 3"], cage: Float[Tensor, "batch vertices 3"], neighbours: int
 ) -> Float[Tensor, "batch keypoints vertices"]:
-    """1 for the `neighbours` cage vertices nearest to each keypoint, 0 elsewhere (no gradient)."""
+    """Return 1 for the `neighbours` cage vertices nearest to each keypoint, else 0 (no gradient)."""
     distance = torch.cdist(keypoints.detach(), cage.detach())
     nearest = distance.topk(min(neighbours, cage.shape[1]), dim=2, largest=False).indices
     return torch.zeros_like(distance).scatter_(2, nearest, 1.0)

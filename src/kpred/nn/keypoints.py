@@ -15,7 +15,7 @@ INFERENCE_POINTS = 1024
 
 
 def thinned(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch few 3"]:
-    """Evenly spaced rows, at least INFERENCE_POINTS of them where there are so many."""
+    """Select evenly spaced rows, at least INFERENCE_POINTS of them where there are so many."""
     return points[:, :: max(1, points.shape[1] // INFERENCE_POINTS)]
 
 
@@ -43,7 +43,7 @@ class KeypointPredictor(nn.Module):
             self.output = nn.Linear(128, 4 * config.keypoints)
 
     def forward(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
-        """Keypoints in the points' own unit-box frame, clamped to [-1.2, 1.2]."""
+        """Predict keypoints in the points' own unit-box frame, clamped to [-1.2, 1.2]."""
         features = points
         for layer in self.local:
             features = functional.leaky_relu(layer(features), 0.1, inplace=True)

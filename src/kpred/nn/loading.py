@@ -45,7 +45,7 @@ class Model(Mapping[str, KPRed]):
     calibration: Calibration | None = None
 
     def __getitem__(self, category: str) -> KPRed:
-        """The category's networks.
+        """Return the category's networks.
 
         Raises:
             ModelError: if the model was not trained for it.
@@ -74,7 +74,7 @@ class Model(Mapping[str, KPRed]):
         return tuple(self.networks)
 
     def to(self, device: torch.device | str) -> Model:
-        """The same model with its networks on `device` (moved in place)."""
+        """Move the networks to `device` in place, and return this model."""
         for network in self.networks.values():
             network.to(device)
         if self.recognizer is not None:
@@ -89,7 +89,7 @@ BUNDLED = {"bundled": "model", "kp-red-plus": "model", "kp-red": "kp-red"}
 
 
 def bundled_model_path(name: str = "bundled") -> Path:
-    """Folder of weights that come with the package, by a name in `BUNDLED`."""
+    """Return the folder of bundled weights, by a name in `BUNDLED`."""
     return Path(str(resources.files("kpred"))) / "bundled" / BUNDLED[name]
 
 
@@ -142,7 +142,7 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
 
 
 def load_network(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> KPRed:
-    """One category's networks from its folder, in evaluation mode, single precision, without gradients.
+    """Load one category's networks from its folder, in evaluation mode, single precision, without gradients.
 
     Raises:
         ModelError: if a file is missing, truncated or does not fit the other.
@@ -151,7 +151,7 @@ def load_network(folder: str | os.PathLike[str], device: torch.device | str = "c
 
 
 def load_recognizer(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> Recognizer:
-    """A recognizer from its folder, in evaluation mode, single precision, without gradients.
+    """Load a recognizer from its folder, in evaluation mode, single precision, without gradients.
 
     One in the folder `second` inside is its second opinion.
 

@@ -38,17 +38,17 @@ class KPRed(nn.Module):
         self.box_predictor = BoxPredictor(config.box_blocks)
 
     def keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
-        """Semantic keypoints of full shapes (Phi_full)."""
+        """Predict semantic keypoints of full shapes (Phi_full)."""
         return self.keypoint_predictor(points)
 
     def partial_keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
-        """Keypoints of the whole shape, unseen ones too, from a partial cloud in the whole shape's frame (Phi_part)."""
+        """Predict keypoints of the whole shape from a partial cloud in the whole shape's frame (Phi_part)."""
         return self.partial_keypoint_predictor(points)
 
     def whole_box(
         self, points: Float[Tensor, "batch points 3"]
     ) -> tuple[Float[Tensor, "batch 2 3"], Float[Tensor, "batch 2 3"]]:
-        """Box of the whole object from a partial cloud that fills its own unit box (y up, front +z).
+        """Predict the box of the whole object from a partial cloud that fills its own unit box.
 
         Returns:
             Lowest and highest corner in the input's frame, and how far each coordinate is off on average.
@@ -56,7 +56,7 @@ class KPRed(nn.Module):
         return self.box_predictor(points)
 
     def cage(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch vertices 3"]:
-        """The source's cage; its faces are those of `kpred.ops.cage.icosphere(config.cage_subdivisions)`."""
+        """Build the source's cage; its faces are those of `kpred.ops.cage.icosphere(config.cage_subdivisions)`."""
         build = enclosing_cage if self.config.cage == "enclosing" else pulled_in_cage
         return build(points, subdivisions=self.config.cage_subdivisions)
 
@@ -66,32 +66,32 @@ class KPRed(nn.Module):
         keypoints: Float[Tensor, "batch keypoints 3"],
         cage: Float[Tensor, "batch vertices 3"],
     ) -> Float[Tensor, "batch keypoints vertices"]:
-        """Influence vectors I_i of Eq. 1."""
+        """Predict the influence vectors I_i of Eq. 1."""
         return self.influence_predictor(points, keypoints, cage)
 
     def retrieval_tokens(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints token"]:
-        """Retrieval tokens of full shapes."""
+        """Encode retrieval tokens of full shapes."""
         return self.retrieval_encoder(points, keypoints)
 
     def partial_retrieval_tokens(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints token"]:
-        """Retrieval tokens of partial clouds, comparable to those of full shapes."""
+        """Encode retrieval tokens of partial clouds, comparable to those of full shapes."""
         return self.partial_retrieval_encoder(points, keypoints)
 
     def confidence(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints"]:
-        """D_i in [0, 1]: how densely the support region of each keypoint was seen (all ones without CB)."""
+        """Compute d_i in [0, 1]: how densely each keypoint's support region was seen (ones without CB)."""
         if not self.config.confidence:
             return keypoints.new_ones(keypoints.shape[:2])
         counts = ball_counts(points, keypoints, self.config.radius)
         return density_confidence(counts, points.shape[1], self.config.radius, self.config.density)
 
     def fingerprint(self) -> str:
-        """Hash of the config and of the weights (at half precision, as stored) that make tokens and bases."""
+        """Hash the config and the weights (half precision, as stored) that make tokens and bases."""
         # What only partial scans are read by makes nothing that a database holds.
         partial = ("partial_blocks", "box_blocks")
         settings = [(key, value) for key, value in sorted(self.config.to_dict().items()) if key not in partial]

@@ -1,4 +1,4 @@
-"""Recognizer: which category a scan is of, and whether it stands as it should, for one turn of it at a time."""
+"""Recognizer: category of a scan, and whether it faces +z upright, for one yaw at a time."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class RecognizerConfig:
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return {**dataclasses.asdict(self), "categories": list(self.categories)}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> RecognizerConfig:
-        """The config written by `to_dict`.
+        """Return the config written by `to_dict`.
 
         Raises:
             ConfigError: if a key is unknown or a value cannot be.
@@ -60,7 +60,7 @@ class RecognizerConfig:
 
 
 class Recognizer(nn.Module):
-    """PointNet with context blocks over a cloud that may be partial, in any unit, y up, turned by a supposed yaw.
+    """PointNet with context blocks over a cloud, maybe partial, in any unit, y up, rotated by a supposed yaw.
 
     It answers two questions about the cloud as it stands: which category it is of, or none (another thing, or not
     facing +z, or not upright); and by which small turn it would face +z exactly. Asked for several turns, it tells yaw.
@@ -83,7 +83,7 @@ class Recognizer(nn.Module):
     def forward(
         self, points: Float[Tensor, "batch points 3"]
     ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
-        """Logits of the categories and, last, of "none"; and the turn about +y (radians) that is still missing."""
+        """Predict logits of the categories and, last, of "none"; and the missing yaw about +y (radians)."""
         features = robust_unit_box(points)
         for layer in self.local:
             features = functional.leaky_relu(layer(features), 0.1, inplace=True)
@@ -99,7 +99,7 @@ class Recognizer(nn.Module):
     def predict_ensemble(
         self, points: Float[Tensor, "batch points 3"]
     ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
-        """`forward`, with the second opinion if there is one: the mean log-probabilities, and the mean turn."""
+        """Predict as `forward`, averaged with the second recognizer if there is one: log-probabilities and yaw."""
         logits, yaw = self(points)
         if self.second is None:
             return logits, yaw
@@ -108,7 +108,7 @@ class Recognizer(nn.Module):
 
 
 def robust_unit_box(points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
-    """Clouds whose middle 96 % along each axis fill [-1, 1] along the longest, whatever a few strays do."""
+    """Scale clouds so that their middle 96 % along each axis fill [-1, 1] along the longest."""
     ordered = points.sort(dim=1).values
     cut = points.shape[1] // 50
     low, high = ordered[:, cut], ordered[:, points.shape[1] - 1 - cut]

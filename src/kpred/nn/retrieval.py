@@ -24,7 +24,7 @@ class RetrievalEncoder(nn.Module):
     def forward(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints token"]:
-        """T^(i), in the order of the keypoints; inputs in one unit-box frame."""
+        """Encode tokens T^(i), in the order of the keypoints; inputs in one unit-box frame."""
         return self.output(self.encoder(points, keypoints))
 
 
@@ -47,7 +47,7 @@ class RegionDecoder(nn.Module):
     def forward(
         self, tokens: Float[Tensor, "batch keypoints token"], keypoints: Float[Tensor, "batch keypoints 3"]
     ) -> Float[Tensor, "batch keypoints decoded 3"]:
-        """Points of every region, absolute, in the keypoints' frame."""
+        """Decode the points of every region, absolute, in the keypoints' frame."""
         batch, count = tokens.shape[:2]
         one_hot = torch.eye(count, dtype=tokens.dtype, device=tokens.device).expand(batch, -1, -1)
         everywhere = keypoints.flatten(1)[:, None].expand(-1, count, -1)
@@ -58,7 +58,7 @@ class RegionDecoder(nn.Module):
 
 
 def _sphere(count: int) -> Tensor:
-    """Points spread evenly over the unit sphere (Fibonacci lattice)."""
+    """Return points spread evenly over the unit sphere (Fibonacci lattice)."""
     step = torch.arange(count, dtype=torch.float64) + 0.5
     height = 1 - 2 * step / count
     angle = torch.pi * (1 + 5**0.5) * step

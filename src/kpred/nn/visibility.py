@@ -114,7 +114,7 @@ class VisibilityNetwork(nn.Module):
         return self.output(decoded)[..., 0]
 
     def _encode(self, scan: Tensor) -> tuple[Tensor, Tensor]:
-        """Features of the points (batch, points, width), and of the scan (batch, width)."""
+        """Encode features of the points (batch, points, width), and of the scan (batch, width)."""
         features = scan
         for layer in self.local:
             features = functional.leaky_relu(layer(features), 0.1)

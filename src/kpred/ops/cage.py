@@ -24,7 +24,7 @@ CLEARANCE = 0.4
 
 @lru_cache(maxsize=8)
 def icosphere(subdivisions: int = 1) -> tuple[Float[Tensor, "vertices 3"], Int[Tensor, "faces 3"]]:
-    """Unit icosphere with outward faces: 42 vertices and 80 triangles after one subdivision (12/20 after none)."""
+    """Build a unit icosphere with outward faces: 12 vertices and 20 triangles, 42 and 80 after one subdivision."""
     golden = (1 + 5**0.5) / 2
     corners = [
         (-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0),
@@ -59,7 +59,7 @@ def icosphere(subdivisions: int = 1) -> tuple[Float[Tensor, "vertices 3"], Int[T
 def pulled_in_cage(
     points: Float[Tensor, "batch points 3"], radius: float = 1.4, subdivisions: int = 1
 ) -> Float[Tensor, "batch vertices 3"]:
-    """Sphere of 1.4x the unit box, pulled toward the origin until each vertex is within 0.4 of the shape.
+    """Pull a sphere of 1.4x the unit box to the origin until each vertex is within 0.4 of the shape.
 
     100 steps of 1 %; a vertex stops for good by itself, since only those farther than the clearance move.
     Points in the unit box; the cage's faces are those of `icosphere(subdivisions)`.
@@ -79,7 +79,7 @@ def pulled_in_cage(
 
 
 def _safe_steps(distance: Float[Tensor, "batch vertices"], length: Float[Tensor, "batch vertices"]) -> Tensor:
-    """How many steps a vertex at `length` from the origin takes at least, being `distance` away from the shape.
+    """Return the minimum number of steps for a vertex at `length` from the origin and `distance` from the shape.
 
     A vertex comes no closer to the shape than it moves, so the steps between need no search (as in sphere tracing).
     """
@@ -90,7 +90,7 @@ def _safe_steps(distance: Float[Tensor, "batch vertices"], length: Float[Tensor,
 def enclosing_cage(
     points: Float[Tensor, "batch points 3"], margin: float = 0.1, radius: float = 2.2, subdivisions: int = 1
 ) -> Float[Tensor, "batch vertices 3"]:
-    """`pulled_in_cage` from a wider sphere, held outside the shape: every point is inside, `margin` away from the cage.
+    """Build a `pulled_in_cage` from a wider sphere, held at least `margin` outside the shape.
 
     A cage that is star-shaped about the origin with vertices r_v d_v contains p = sum_i a_i d_i (d_i the directions of
     the face whose cone holds p, a_i >= 0) exactly if sum_i a_i / r_i <= 1. Hence r_v >= sum_i a_i / (1 - margin) over

@@ -16,7 +16,7 @@ def _matched(points: Tensor, index: Tensor) -> Tensor:
 def squared_distances(
     query: Float[Tensor, "batch query 3"], reference: Float[Tensor, "batch reference 3"]
 ) -> Float[Tensor, "batch query"]:
-    """Squared distance of every query point to its nearest reference point; differentiable in both clouds."""
+    """Compute the squared distance of every query point to its nearest reference point; differentiable."""
     distance, index = nearest_neighbours(query, reference)
     if not (torch.is_grad_enabled() and (query.requires_grad or reference.requires_grad)):
         return distance
@@ -26,7 +26,7 @@ def squared_distances(
 def chamfer_distance(
     target: Float[Tensor, "batch target 3"], result: Float[Tensor, "batch result 3"]
 ) -> Float[Tensor, " batch"]:
-    """CD: mean squared nearest-neighbour distance target to result, plus the same result to target.
+    """Compute CD: mean squared nearest-neighbour distance target to result, plus result to target.
 
     Unit: the square of the clouds' unit (unit-box squared in training and in the paper's tables).
     """
@@ -36,5 +36,5 @@ def chamfer_distance(
 def unilateral_chamfer_distance(
     target: Float[Tensor, "batch target 3"], result: Float[Tensor, "batch result 3"]
 ) -> Float[Tensor, " batch"]:
-    """UCD: mean squared distance from each target point to the nearest result point (paper Sec. 3.3, partial scans)."""
+    """Compute UCD: mean squared distance from each target point to the result (paper Sec. 3.3)."""
     return squared_distances(target, result).mean(1)

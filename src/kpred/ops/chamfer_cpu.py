@@ -1,4 +1,4 @@
-"""Compiled Chamfer distances of several clouds from one, for the CPU: each way of each cloud is a job for a thread."""
+"""Compiled Chamfer distances of several clouds from one, for the CPU; one job per direction and cloud."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ def chamfer_of_each(
     step: int = 1,
     target_step: int = 1,
 ) -> Float[np.ndarray, " results"]:
-    """`chamfer_distance` of each of `results`, or the `unilateral` one, from one target; their unit squared.
+    """Compute `chamfer_distance` (or the unilateral one) of each of `results` from one target; unit squared.
 
     Every `step`-th point of a result and every `target_step`-th of the target is asked for; these are searched among
     all points of the other cloud, so that the distance is right in the mean.
     """
-    asked = np.ascontiguousarray(target[::target_step])
+    queries = np.ascontiguousarray(target[::target_step])
     ways = 1 if one_way else 2
     means = np.zeros((len(results), ways))
-    pairs = len(asked) * results.shape[1] + (ways - 1) * -(-results.shape[1] // step) * len(target)
+    pairs = len(queries) * results.shape[1] + (ways - 1) * -(-results.shape[1] // step) * len(target)
     parallel_for(
-        lambda first, last: _mean_distances(target, asked, results, step, means, first, last),
+        lambda first, last: _mean_distances(target, queries, results, step, means, first, last),
         means.size,
         len(results) * pairs // 2,
     )
@@ -38,12 +38,12 @@ def chamfer_of_each(
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _mean_distances(target, asked, results, step, means, first, last):
+def _mean_distances(target, queries, results, step, means, first, last):
     ways = means.shape[1]
     for job in range(first, last):
         row, way = job // ways, job % ways
         if way == 0:
-            squared, _ = nearest_of_one(asked, results[row])
+            squared, _ = nearest_of_one(queries, results[row])
         else:
             squared, _ = nearest_of_one(np.ascontiguousarray(results[row, ::step]), target)
         total = 0.0

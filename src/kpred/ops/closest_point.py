@@ -38,7 +38,7 @@ def closest_points(
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _planes(corners):
-    """(F, 4) unit normal and offset of each face's plane; zeros for faces without area."""
+    """Compute unit normal and offset (F, 4) of each face's plane; zeros for faces without area."""
     found = np.empty((len(corners), 4))
     for f in range(len(corners)):
         ux, uy, uz = corners[f, 1] - corners[f, 0]
@@ -84,7 +84,7 @@ def _closest(points, corners, planes, middles, reach, squared, face, first, last
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _place(x, y, z, corner):
-    """Shares of the second and third corner in the point of a triangle that is nearest to (x, y, z)."""
+    """Compute weights of the second and third corner in the point of a triangle nearest to (x, y, z)."""
     ux, uy, uz = corner[1] - corner[0]
     vx, vy, vz = corner[2] - corner[0]
     wx, wy, wz = x - corner[0, 0], y - corner[0, 1], z - corner[0, 2]

@@ -70,7 +70,7 @@ def render_depth(
 
 
 def _project(points: Tensor, cameras: Tensor, axes: Tensor) -> tuple[Tensor, Tensor]:
-    """Perspective image coordinates (views, points, 2) at unit focal length, and depths (views, points)."""
+    """Project to image coordinates (views, points, 2) at unit focal length, and depths (views, points)."""
     local = (points - cameras[:, None]) @ axes.mT
     depth = local[..., 2].clamp(min=1e-6)
     return local[..., :2] / depth[..., None], depth

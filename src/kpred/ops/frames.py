@@ -37,17 +37,17 @@ class Frame:
             raise ScanError(f"A frame needs a positive scale, but got {self.scale}; is the cloud a single point?")
 
     def to_unit(self, points: Points) -> Points:
-        """Outside points (..., 3) -> unit-box points (..., 3), same array type and dtype."""
+        """Transform outside points (..., 3) to unit-box points (..., 3), same array type and dtype."""
         rotation, center = self._like(points)
         return ((points - center) @ rotation.T) / self.scale
 
     def from_unit(self, points: Points) -> Points:
-        """Unit-box points (..., 3) -> outside points (..., 3), same array type and dtype."""
+        """Transform unit-box points (..., 3) to outside points (..., 3), same array type and dtype."""
         rotation, center = self._like(points)
         return (points * self.scale) @ rotation + center
 
     def matrix(self) -> np.ndarray:
-        """4x4 matrix (column vectors) that takes unit-box coordinates to the outside world."""
+        """Return the 4x4 matrix (column vectors) from unit-box coordinates to the outside world."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation.T * self.scale
         matrix[:3, 3] = self.center
@@ -62,7 +62,7 @@ class Frame:
 
 
 def unit_box_frame(points: np.ndarray, rotation: np.ndarray | None = None) -> Frame:
-    """Frame of the axis-aligned box of `points` (N, 3) after `rotation` (3, 3, outside -> canonical axes).
+    """Return the frame of the axis-aligned box of `points` (N, 3) after `rotation` (3, 3).
 
     Centre = middle of the box, scale = largest absolute coordinate after centring, so that the points fill [-1, 1]^3.
 
@@ -75,8 +75,8 @@ def unit_box_frame(points: np.ndarray, rotation: np.ndarray | None = None) -> Fr
     if not np.isfinite(points).all():
         raise ScanError("Points hold NaN or infinite coordinates; remove those rows first.")
     rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
-    turned = points @ rotation.T
-    low, high = turned.min(axis=0), turned.max(axis=0)
+    rotated = points @ rotation.T
+    low, high = rotated.min(axis=0), rotated.max(axis=0)
     scale = float((high - low).max() / 2)
     if scale <= 0:
         raise ScanError("All points of the cloud coincide, so it has no size; give a scan of an object.")

@@ -20,7 +20,7 @@ def affine_influence(
     smoothing: float = 0.01,
     ridge: float = 1e-3,
 ) -> Float[Tensor, "batch keypoints positions"]:
-    """Biharmonic spline (kernel |x|, with an affine part): displacements of keypoints -> displacements of positions.
+    """Compute the biharmonic spline (kernel |x|, affine part) from keypoint to position displacements.
 
     Columns sum to one, and keypoints moved by an affine map move all positions by that map, up to `ridge`, which keeps
     coplanar keypoints solvable. `smoothing` trades interpolation for smoothness. Unit-box frame. Differentiable.
@@ -41,7 +41,7 @@ def affine_influence(
 def gaussian_influence(
     keypoints: Float[Tensor, "batch keypoints 3"], positions: Float[Tensor, "batch positions 3"], width: float = 0.5
 ) -> Float[Tensor, "batch keypoints positions"]:
-    """Normalised Gaussian weights: columns are non-negative and sum to one. The simplest no-learning influence."""
+    """Compute normalised Gaussian weights: non-negative columns that sum to one."""
     squared = _distances(keypoints, positions).square()
     return torch.softmax(-squared / (2 * width**2), dim=1)
 

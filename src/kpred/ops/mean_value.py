@@ -21,7 +21,7 @@ def mean_value_coordinates(
     cage: Float[Tensor, "batch vertices 3"],
     faces: Int[Tensor, "faces 3"],
 ) -> Float[Tensor, "batch points vertices"]:
-    """Weights W with W @ cage = points and rows that sum to one, smooth inside and outside the cage.
+    """Compute weights W with W @ cage = points and rows that sum to one.
 
     Points on a cage vertex, edge or face get that element's own (barycentric) weights, the limit of the formula.
     Computed in double precision, returned in the precision of `points`. Winding of `faces` must be consistent.
@@ -36,7 +36,7 @@ def mean_value_reference(
     cage: Float[Tensor, "batch vertices 3"],
     faces: Int[Tensor, "faces 3"],
 ) -> Float[Tensor, "batch points vertices"]:
-    """`mean_value_coordinates` in plain torch, by chunks of points; runs on every device, and is differentiable."""
+    """Compute `mean_value_coordinates` in plain torch, by chunks of points; differentiable, on every device."""
     parts = [_coordinates(part.double(), cage.double(), faces) for part in points.split(POINT_CHUNK, dim=1)]
     return torch.cat(parts, dim=1).to(points.dtype)
 

@@ -56,8 +56,8 @@ def _coordinates(points, cage, faces, weights, start, end):
                 )
                 length = sqrt(cx * cx + cy * cy + cz * cz)
                 angle[i] = atan2(length, dot)
-                share = angle[i] / max(length, 1e-300) / 2.0
-                mx, my, mz = mx + share * cx, my + share * cy, mz + share * cz
+                half_angle = angle[i] / max(length, 1e-300) / 2.0
+                mx, my, mz = mx + half_angle * cx, my + half_angle * cy, mz + half_angle * cz
                 cross[i, 0], cross[i, 1], cross[i, 2] = cx, cy, cz
             if pi - (angle[0] + angle[1] + angle[2]) / 2.0 < 1e-6:
                 # On this face: its barycentric weights are the limit.
@@ -84,7 +84,7 @@ def _coordinates(points, cage, faces, weights, start, end):
 
 
 def mean_value_cpu(points: np.ndarray, cage: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Coordinates (B, N, V) float64 of points (B, N, 3) in cages (B, V, 3) with faces (F, 3)."""
+    """Compute coordinates (B, N, V) float64 of points (B, N, 3) in cages (B, V, 3), faces (F, 3)."""
     weights = np.zeros((*points.shape[:2], cage.shape[1]))
     arrays = points.astype(np.float64), cage.astype(np.float64), faces.astype(np.int64), weights
     jobs = weights.shape[0] * weights.shape[1]

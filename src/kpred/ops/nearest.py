@@ -27,7 +27,7 @@ CHUNK_ELEMENTS = 1 << 24
 def nearest_neighbours(
     query: Float[Tensor, "batch query 3"], reference: Float[Tensor, "batch reference 3"]
 ) -> tuple[Float[Tensor, "batch query"], Int[Tensor, "batch query"]]:
-    """Squared distance and index of the nearest reference point for every query point (no gradient).
+    """Find squared distance and index of the nearest reference point of every query point (no gradient).
 
     Both clouds share a frame; the distance is in that frame's units squared. Ties go to the lower index. Clouds of half
     precision, as autocast makes them, are compared in single precision.
@@ -46,7 +46,7 @@ def nearest_neighbours(
 
 @lru_cache(maxsize=1)
 def _fused() -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]] | None:
-    """The kernel for CUDA, imported when it is first needed; None without Triton."""
+    """Import the CUDA kernel at first use; None without Triton."""
     try:
         from kpred.ops.nearest_cuda import nearest_cuda
     except ImportError:
@@ -59,7 +59,7 @@ def _at_least_single(cloud: Tensor) -> Tensor:
 
 
 def _array(clouds: Tensor) -> np.ndarray:
-    """The clouds as an array; one that was expanded to a batch (stride 0) is given once, and read for all of it."""
+    """Return clouds as an array; a batch that was expanded (stride 0) is returned once."""
     expanded = len(clouds) > 1 and clouds.stride(0) == 0
     array: np.ndarray = (clouds[:1] if expanded else clouds).contiguous().numpy()
     return array
@@ -68,7 +68,7 @@ def _array(clouds: Tensor) -> np.ndarray:
 def nearest_reference(
     query: Float[Tensor, "batch query 3"], reference: Float[Tensor, "batch reference 3"]
 ) -> tuple[Float[Tensor, "batch query"], Int[Tensor, "batch query"]]:
-    """`nearest_neighbours` in plain torch, by chunks of the query; runs on every device and precision."""
+    """Find `nearest_neighbours` in plain torch, by chunks of the query; on every device and precision."""
     chunk = max(1, CHUNK_ELEMENTS // (len(query) * reference.shape[1]))
     found = []
     for part in query.split(chunk, dim=1):
@@ -77,6 +77,6 @@ def nearest_reference(
 
 
 def squared_distance_matrix(a: Float[Tensor, "batch a 3"], b: Float[Tensor, "batch b 3"]) -> Float[Tensor, "batch a b"]:
-    """All squared distances, by differences: |a|^2 - 2ab + |b|^2 would lose half the digits of near neighbours."""
+    """Compute all squared distances by differences, since |a|^2 - 2ab + |b|^2 loses digits."""
     x, y, z = ((a[:, :, None, axis] - b[:, None, :, axis]).square() for axis in range(3))
     return x + y + z

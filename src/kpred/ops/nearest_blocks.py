@@ -24,7 +24,7 @@ PACK = 16
 CELLS = 16
 """Cells along the longest side of a cloud, by which it is sorted."""
 
-LEAST = 768
+MIN_BLOCK_POINTS = 768
 """Points in either cloud from which on sorting pays (measured)."""
 
 FAR = np.float32(3.0e38)
@@ -71,7 +71,7 @@ def _cell(offset, scale):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def sort_cloud(cloud, order):
-    """Fills `order` with the rows of one cloud along the curve, rows of one cell in their order."""
+    """Fill `order` with the rows of one cloud along the curve, rows of one cell in their order."""
     lowest, highest = cloud[0].copy(), cloud[0].copy()
     for i in range(len(cloud)):
         for axis in range(3):
@@ -102,7 +102,7 @@ def sort_cloud(cloud, order):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def sort_reference(reference, sorted_points, order, box, first, last):
-    """Clouds sorted, the last point repeated to fill the last block; box of each block: lowest x, y, z, highest."""
+    """Sort clouds, repeating the last point to fill the last block; also return each block's box."""
     count, blocks = reference.shape[1], box.shape[2]
     for b in range(first, last):
         sort_cloud(reference[b], order[b])
@@ -129,7 +129,7 @@ def _sort_all(clouds, order, first, last):
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def _look(block, qx, qy, qz, best, where, points, order):
-    """Compares the queries with one block; the largest of their distances now."""
+    """Compare the queries with one block and return their largest distance."""
     for p in range(block * PACK, (block + 1) * PACK):
         rx, ry, rz, row = points[0, p], points[1, p], points[2, p], order[p]
         for lane in range(LANES):
@@ -147,7 +147,7 @@ def _look(block, qx, qy, qz, best, where, points, order):
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def _bounds(box, qx, qy, qz, bound):
-    """Squared distance of each block's box from the queries' box, a little less for rounding."""
+    """Compute the squared distance of each block's box from the queries' box, rounded down."""
     lx, ly, lz = qx.min(), qy.min(), qz.min()
     hx, hy, hz = qx.max(), qy.max(), qz.max()
     zero = np.float32(0)
@@ -167,7 +167,7 @@ def _bounds(box, qx, qy, qz, bound):
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def search_sorted(query, query_order, sorted_points, order, box, distance, index, first, last):
-    """Fills `distance` and `index` for groups `first` to `last` of sorted queries, against a prepared reference."""
+    """Fill `distance` and `index` for groups `first` to `last` of sorted queries."""
     count, blocks = query.shape[1], box.shape[2]
     groups = (count + LANES - 1) // LANES
     qx = np.empty(LANES, np.float32)
@@ -195,9 +195,9 @@ def search_sorted(query, query_order, sorted_points, order, box, distance, index
         worst = _look(nearest, qx, qy, qz, best, where, points, rows)
         bound[nearest] = np.inf
         # The nearer ones first: after them fewer of the others are within reach.
-        for share in (np.float32(0.25), np.float32(1.0)):
+        for fraction in (np.float32(0.25), np.float32(1.0)):
             for j in range(blocks):
-                if bound[j] <= share * worst:
+                if bound[j] <= fraction * worst:
                     worst = _look(j, qx, qy, qz, best, where, points, rows)
                     bound[j] = np.inf
         for lane in range(min(LANES, count - start)):
@@ -207,7 +207,7 @@ def search_sorted(query, query_order, sorted_points, order, box, distance, index
 
 
 def nearest_blocks(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared distances (B, N) float32 and indices (B, N) int64 of the nearest of (B, M, 3) for each of (B, N, 3).
+    """Find squared distances and indices (B, N) of the nearest of (B, M, 3) to (B, N, 3), by blocks.
 
     Either may be one cloud (1, ..., 3) that stands for all of the batch; it is sorted once.
     """

@@ -12,7 +12,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from kpred.ops.nearest_blocks import LEAST, PACK, nearest_blocks, search_sorted, sort_cloud, sort_reference
+from kpred.ops.nearest_blocks import MIN_BLOCK_POINTS, PACK, nearest_blocks, search_sorted, sort_cloud, sort_reference
 from kpred.ops.worksharing import parallel_for
 
 LANES = 64
@@ -53,16 +53,16 @@ def _nearest(query, reference, distance, index, first, last):
 
 
 def nearest_cpu(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared distances (B, N) float32 and indices (B, N) int64 of the nearest of (B, M, 3) for each of (B, N, 3).
+    """Find squared distances (B, N) float32 and indices (B, N) int64 of the nearest of (B, M, 3).
 
     Either may be one cloud (1, ..., 3) that stands for all of the batch.
     """
-    search = nearest_blocks if min(query.shape[1], reference.shape[1]) >= LEAST else nearest_brute
+    search = nearest_blocks if min(query.shape[1], reference.shape[1]) >= MIN_BLOCK_POINTS else nearest_brute
     return search(query, reference)
 
 
 def nearest_brute(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`nearest_cpu` without an index, whatever the size."""
+    """Find as `nearest_cpu`, always without an index."""
     batch, count = max(len(query), len(reference)), query.shape[1]
     distance = np.empty((batch, count), np.float32)
     index = np.empty((batch, count), np.int64)
@@ -78,12 +78,12 @@ def nearest_brute(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray,
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def nearest_of_one(query, reference):
-    """`nearest_cpu` of one cloud each, (N, 3) and (M, 3), for other compiled code: (N,) distances and indices."""
+    """Find distances and indices (N,) as `nearest_cpu` of one cloud each, for other compiled code."""
     queries, references = query.reshape(1, -1, 3), reference.reshape(1, -1, 3)
     distance = np.empty((1, len(query)), np.float32)
     index = np.empty((1, len(query)), np.int64)
     groups = (len(query) + LANES - 1) // LANES
-    if min(len(query), len(reference)) < LEAST:
+    if min(len(query), len(reference)) < MIN_BLOCK_POINTS:
         _nearest(queries, references, distance, index, 0, groups)
         return distance[0], index[0]
     packs = -(-len(reference) // PACK)

@@ -53,7 +53,7 @@ def _nearest(
 
 
 def nearest_cuda(query: Tensor, reference: Tensor) -> tuple[Tensor, Tensor]:
-    """Squared distances (B, N) and indices (B, N) of the nearest of (B, M, 3) for each of (B, N, 3), single precision.
+    """Find squared distances and indices (B, N) of the nearest of (B, M, 3), single precision, on CUDA.
 
     Either may be expanded to the batch. Distances equal the plain path's up to the rounding of fused multiplications.
     """
@@ -79,5 +79,5 @@ def nearest_cuda(query: Tensor, reference: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _dense(clouds: Tensor) -> Tensor:
-    """Points one after the other in memory; clouds of a batch may lie anywhere, in the same place too."""
+    """Return contiguous clouds; those of a batch may share memory."""
     return clouds if clouds.stride()[1:] == (3, 1) else clouds.contiguous()

@@ -10,7 +10,7 @@ from kpred.ops.typing import Bool, Float, Int
 
 SAMPLES_PER_PIXEL = 16
 """Samples per pixel that a face covers: enough that practically none is left open for what is behind to show."""
-MOST_SAMPLES = 2_000_000
+MAX_SAMPLES = 2_000_000
 SLANT = 1.5
 """Depth, in pixel widths, that one pixel of a dense cloud's depth image may span."""
 
@@ -18,7 +18,7 @@ SLANT = 1.5
 def random_directions(
     count: int, generator: torch.Generator | None = None, device: torch.device | str = "cpu"
 ) -> Float[Tensor, "count 3"]:
-    """Unit vectors, uniform on the sphere."""
+    """Draw unit vectors, uniform on the sphere."""
     normal = torch.randn(count, 3, generator=generator, device=device)
     return torch.nn.functional.normalize(normal, dim=1)
 
@@ -42,7 +42,7 @@ def resample_visible(
     count: int,
     generator: torch.Generator | None = None,
 ) -> Int[Tensor, "batch count"]:
-    """Indices of `count` visible points drawn at random: without repeats while there are enough, then repeating."""
+    """Draw indices of `count` visible points, without repeats while there are enough."""
     noise = torch.rand(visible.shape, generator=generator, device=points.device)
     order = torch.argsort(torch.where(visible, noise, 2.0), dim=1)
     available = visible.sum(1, keepdim=True).clamp(min=1)
@@ -89,7 +89,7 @@ def depth_scan(
     outliers: float = 0.0,
     generator: torch.Generator | None = None,
 ) -> Float[Tensor, "seen 3"]:
-    """Points that a depth camera at `camera` sees of a mesh, in the mesh's frame and units.
+    """Render the points of a mesh that a depth camera at `camera` sees, in the mesh's frame and units.
 
     The field of view holds the object. The mesh is rasterised into a depth image of resolution x resolution pixels, and
     a surface point is seen if it lies no deeper than its pixel allows, so that surfaces hide what is behind them.
@@ -130,7 +130,7 @@ def depth_scan(
 
 
 def _camera_axes(forward: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
-    """Rows right, up and forward of a camera that looks along `forward`."""
+    """Return rows right, up and forward of a camera that looks along `forward`."""
     forward = torch.nn.functional.normalize(forward, dim=0)
     helper = torch.tensor([0.0, 1.0, 0.0] if abs(float(forward[1])) < 0.95 else [1.0, 0.0, 0.0]).to(forward)
     right = torch.nn.functional.normalize(torch.linalg.cross(forward, helper), dim=0)
@@ -138,7 +138,7 @@ def _camera_axes(forward: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
 
 
 def _project(points: Tensor, camera: Tensor, axes: Tensor, half: float) -> tuple[Tensor, Tensor]:
-    """Perspective image coordinates (N, 2) at unit focal length, and depths (N,)."""
+    """Project to image coordinates (N, 2) at unit focal length, and depths (N,)."""
     local = (points - camera) @ axes.T
     depth = local[:, 2].clamp(min=1e-3 * half)
     return local[:, :2] / depth[:, None], depth
@@ -155,14 +155,14 @@ def _depth_image(
     resolution: int,
     generator: torch.Generator | None,
 ) -> tuple[Float[Tensor, " pixels"], Int[Tensor, " pixels"]]:
-    """Depth and face of the nearest surface in each pixel; infinite and -1 where there is none."""
+    """Render depth and face of the nearest surface in each pixel; infinite and -1 without one."""
     plane, depth = _project(vertices, camera, axes, half)
     # In the image the inverse depth is linear over a triangle, so that samples of this flattened mesh, spread by
     # projected area and not by true area, fill every pixel that a face covers.
     flattened = torch.cat([(plane - corner) / per_pixel, (half / depth)[:, None]], dim=1)
     edges = flattened[faces]
     doubled = torch.linalg.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0]).norm(dim=1).sum()
-    count = min(max(int(SAMPLES_PER_PIXEL * float(doubled) / 2), resolution * resolution), MOST_SAMPLES)
+    count = min(max(int(SAMPLES_PER_PIXEL * float(doubled) / 2), resolution * resolution), MAX_SAMPLES)
     samples, face = sample_surface(flattened, faces, count, generator)
     pixel = samples[:, :2].round().long().clamp(0, resolution - 1)
     flat = pixel[:, 1] * resolution + pixel[:, 0]

@@ -15,7 +15,7 @@ def ball_query(
     radius: float,
     count: int,
 ) -> tuple[Int[Tensor, "batch centers count"], Int[Tensor, "batch centers"]]:
-    """Up to `count` points within `radius` of each centre (paper Sec. 3.1: r = 0.3 in the unit box).
+    """Find up to `count` points within `radius` of each centre (paper Sec. 3.1: r = 0.3 in the unit box).
 
     Returns:
         Indices into `points`, evenly spread over the ball's members in their order; short regions repeat members, an
@@ -40,14 +40,14 @@ def ball_query(
 def ball_counts(
     points: Float[Tensor, "batch points 3"], centers: Float[Tensor, "batch centers 3"], radius: float
 ) -> Int[Tensor, "batch centers"]:
-    """Number of points within `radius` of each centre."""
+    """Count the points within `radius` of each centre."""
     return (squared_distance_matrix(centers, points) <= radius**2).sum(-1)
 
 
 def gather_points(
     values: Float[Tensor, "batch points channels"], index: Int[Tensor, "batch centers count"]
 ) -> Float[Tensor, "batch centers count channels"]:
-    """Rows of `values` by the indices of `ball_query`."""
+    """Gather rows of `values` by the indices of `ball_query`."""
     batch = torch.arange(len(values), device=values.device)[:, None, None]
     return values[batch, index]
 
@@ -55,7 +55,7 @@ def gather_points(
 def density_confidence(
     counts: Int[Tensor, "batch centers"], points: int, radius: float, alpha: float
 ) -> Float[Tensor, "batch centers"]:
-    """D_i = min(N_R / (alpha V), 1), the paper's confidence of a keypoint (Sec. 3.3).
+    """Compute d_i = min(N_R / (alpha V), 1), the paper's confidence of a keypoint (Sec. 3.3).
 
     Args:
         counts: N_R, points inside the ball around each keypoint.

@@ -11,7 +11,7 @@ UP_AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y
 
 
 def upright_rotation(up: str) -> Float[np.ndarray, "3 3"]:
-    """Shortest rotation that takes the named axis to +y; for z up that is (x, y, z) -> (x, z, -y).
+    """Return the shortest rotation of the named axis to +y; for z up: (x, y, z) -> (x, z, -y).
 
     Raises:
         ConfigError: if `up` is no axis name.
@@ -29,6 +29,6 @@ def upright_rotation(up: str) -> Float[np.ndarray, "3 3"]:
 
 
 def yaw_rotation(angle: float) -> Float[np.ndarray, "3 3"]:
-    """Rotation by an angle (radians) about +y; it takes +z towards +x."""
+    """Return the rotation by an angle (radians) about +y; it takes +z towards +x."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])

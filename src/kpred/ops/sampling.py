@@ -42,7 +42,7 @@ def sample_surface(
 
 
 def farthest_point_sampling(points: Float[Tensor, "batch points 3"], count: int) -> Int[Tensor, "batch count"]:
-    """Indices of `count` points, each the farthest from those before; the first is farthest from the centroid.
+    """Select `count` points, each farthest from those before; the first is farthest from the centroid.
 
     Independent of the order of the points up to ties, so that the same shape gives the same subset.
     """
@@ -57,7 +57,7 @@ def farthest_point_sampling(points: Float[Tensor, "batch points 3"], count: int)
     return chosen
 
 
-def at_even_steps(points: Float[Tensor, "*batch points 3"], most: int | None) -> Float[Tensor, "*batch few 3"]:
-    """At even steps at least `most` of the points, if there are so many; all of them for None."""
-    step = 1 if most is None else max(1, points.shape[-2] // most)
+def subsample(points: Float[Tensor, "*batch points 3"], max_count: int | None) -> Float[Tensor, "*batch few 3"]:
+    """Select points at even steps, at least `max_count` if there are so many; all for None."""
+    step = 1 if max_count is None else max(1, points.shape[-2] // max_count)
     return points if step == 1 else points[..., ::step, :].contiguous()

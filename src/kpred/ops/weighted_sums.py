@@ -18,12 +18,12 @@ try:
 except ImportError:  # numba is absent on machines that only train
     compiled = None  # type: ignore[assignment]
 
-LEAST_SCALE = 1e-4
+MIN_SCALE = 1e-4
 """Added to the squared scale of robust weights, unit box squared: a perfect match has a scale too."""
 
 
 def robust_weights(squared: Float[Tensor, "batch points"], robust: float) -> Float[Tensor, "batch points"]:
-    """Geman-McClure weights of squared distances, by a scale of `robust` times the median distance; 0 is off: all 1.
+    """Compute Geman-McClure weights of squared distances, scaled by `robust` times the median; 1 when 0.
 
     The scale is that of each row, so that clean full scans are hardly touched.
     """
@@ -31,18 +31,18 @@ def robust_weights(squared: Float[Tensor, "batch points"], robust: float) -> Flo
         return torch.ones_like(squared)
     if _is_compiled(squared):
         weight = torch.empty_like(squared)
-        compiled.robust_weights(squared.contiguous().numpy(), robust**2, LEAST_SCALE, weight.numpy())
+        compiled.robust_weights(squared.contiguous().numpy(), robust**2, MIN_SCALE, weight.numpy())
         return weight
     return geman_mcclure(squared, robust_scale(squared, robust))
 
 
 def robust_scale(squared: Float[Tensor, "batch points"], times: float) -> Float[Tensor, "batch 1"]:
-    """Squared scale of robust weights: `times` the median distance (the lower of two middle ones)."""
-    return squared.median(dim=1, keepdim=True).values * times**2 + LEAST_SCALE
+    """Return the squared scale of robust weights: `times` the median distance (lower middle), squared."""
+    return squared.median(dim=1, keepdim=True).values * times**2 + MIN_SCALE
 
 
 def geman_mcclure(squared: Tensor, scale: Tensor) -> Tensor:
-    """Weights in (0, 1] of squared distances, a quarter where they are the squared scale."""
+    """Compute weights in (0, 1] of squared distances, a quarter where they equal the squared scale."""
     return (scale / (scale + squared)).square()
 
 
@@ -53,7 +53,7 @@ def add_wanted(
     index: Int[Tensor, "batch wanted"] | None = None,
     picked: Int[Tensor, "batch wanted"] | None = None,
 ) -> None:
-    """Adds, in place, where points are wanted: to the point of each index (each to its own without) (w p, w).
+    """Add in place the target positions of points (w p, w) at each index.
 
     Args:
         sums: of x, y and z times weight, and of the weights; all that is wanted of a point acts as their quotient does.
@@ -84,7 +84,7 @@ def weighted_products(
     guess: Float[Tensor, "batch points 3"],
     sums: Float[Tensor, "batch points 4"],
 ) -> Float[Tensor, "batch columns all"]:
-    """Normal equations A^T W A and A^T W (wanted - guess), side by side, of the transposed columns A^T of points."""
+    """Compute normal equations A^T W A and A^T W (wanted - guess), side by side, from columns A^T."""
     if _is_compiled(across, guess, sums):
         found = across.new_empty(len(across), across.shape[1], across.shape[1] + 3)
         arrays = (part.contiguous().numpy() for part in (across, guess, sums))
@@ -100,7 +100,7 @@ def deformed(
     basis: Float[Tensor, "batch points keypoints"],
     displacement: Float[Tensor, "batch keypoints 3"],
 ) -> Float[Tensor, "batch points 3"]:
-    """S + B d: points moved by the displacements of keypoints through a deformation basis (no gradient if compiled)."""
+    """Compute S + B d: points moved by keypoint displacements through a deformation basis."""
     if not _is_compiled(points, basis, displacement) or displacement.requires_grad:
         return points + basis @ displacement
     moved = torch.empty_like(points, memory_format=torch.contiguous_format)

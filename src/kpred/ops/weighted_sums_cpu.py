@@ -12,11 +12,11 @@ FASTMATH = {"nnan", "nsz", "contract", "reassoc"}
 
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
-def robust_weights(squared, times, least, weight):
-    """Fills `weight` (B, N) by `squared` (B, N); `times` is that of the median, `least` is added to the scale."""
+def robust_weights(squared, times, min_scale, weight):
+    """Fill `weight` (B, N) from `squared` (B, N); `times`: of the median; `min_scale`: added to the scale."""
     middle = (squared.shape[1] - 1) // 2
     for b in range(len(squared)):
-        scale = np.float32(ranked(squared[b].copy(), middle) * times + least)
+        scale = np.float32(ranked(squared[b].copy(), middle) * times + min_scale)
         for i in range(squared.shape[1]):
             share = scale / (scale + squared[b, i])
             weight[b, i] = share * share
@@ -25,7 +25,7 @@ def robust_weights(squared, times, least, weight):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def ranked(values, rank):
-    """The value of this rank, counted from 0 (Hoare's selection); `values` are left in another order."""
+    """Return the value of a rank, counted from 0 (Hoare's selection); reorders `values`."""
     low, high = 0, len(values) - 1
     while low < high:
         pivot = values[(low + high) // 2]
@@ -51,7 +51,7 @@ def ranked(values, rank):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def add_wanted(sums, wanted, weight, index, picked):
-    """Adds (w p, w) to `sums` (B, N, 4); empty `index` and `picked` stand for all rows in their order."""
+    """Add (w p, w) to `sums` (B, N, 4); empty `index` and `picked` mean all rows in order."""
     for b in range(len(weight)):
         own = b if len(wanted) > 1 else 0
         for i in range(weight.shape[1]):
@@ -66,7 +66,7 @@ def add_wanted(sums, wanted, weight, index, picked):
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def weighted_products(across, guess, sums, found):
-    """Fills `found` (B, E, E + 3) by `across` (B, E, N), `guess` (B, N, 3) and `sums` (B, N, 4)."""
+    """Fill `found` (B, E, E + 3) from `across` (B, E, N), `guess` (B, N, 3), `sums` (B, N, 4)."""
     batch, columns, points = across.shape
     weighted = np.empty(points, np.float32)
     residual = np.empty((3, points), np.float32)
@@ -93,7 +93,7 @@ def weighted_products(across, guess, sums, found):
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def deform(points, basis, displacement, moved, first, last):
-    """Fills `moved` with points (B, N, 3) + basis (B, N, K) @ displacement (B, K, 3), for some of the batch."""
+    """Fill `moved` with points (B, N, 3) + basis (B, N, K) @ displacement (B, K, 3), for a part of the batch."""
     for b in range(first, last):
         for i in range(points.shape[1]):
             x, y, z = points[b, i, 0], points[b, i, 1], points[b, i, 2]

@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numba
 import torch
 
-WORTH = 2_000_000
+MIN_STEPS = 2_000_000
 """Elementary steps of a kernel (some 0.3 ms) below which waking another thread takes longer than it saves."""
 
 SLICES = 4
@@ -33,7 +33,7 @@ def thread_count() -> int:
 
 
 def parallel_for(kernel: Callable[[int, int], None], jobs: int, steps: int) -> None:
-    """`kernel(first, last)` for slices that make up range(jobs), on as many threads as `thread_count` says.
+    """Run `kernel(first, last)` on slices of range(jobs), on `thread_count` threads.
 
     Whoever is free takes the next slice: a thread that wakes late, or not at all, keeps nobody waiting.
 
@@ -41,7 +41,7 @@ def parallel_for(kernel: Callable[[int, int], None], jobs: int, steps: int) -> N
         jobs: independent of one another.
         steps: elementary steps of all jobs together, such as distances; few stay in the calling thread.
     """
-    threads = min(thread_count(), jobs, max(1, 2 * steps // WORTH))
+    threads = min(thread_count(), jobs, max(1, 2 * steps // MIN_STEPS))
     if threads <= 1:
         kernel(0, jobs)
         return

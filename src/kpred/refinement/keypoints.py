@@ -17,7 +17,7 @@ from torch import Tensor
 
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
-from kpred.ops.weighted_sums import LEAST_SCALE, geman_mcclure, robust_scale, robust_weights
+from kpred.ops.weighted_sums import MIN_SCALE, geman_mcclure, robust_scale, robust_weights
 from kpred.refinement.config import RefineConfig as RefineConfig
 from kpred.refinement.free_space import DepthPicture
 from kpred.refinement.normal_equations import NormalEquations
@@ -188,7 +188,7 @@ def _refine_compiled(problem: _Problem, correction: Tensor, config: RefineConfig
         *(part.contiguous().numpy() for part in parts),
         rounds=config.iterations,
         stride=QUERY_STRIDE,
-        robust=(config.robust**2, STRAY_REFLECTION**2, LEAST_SCALE),
+        robust=(config.robust**2, STRAY_REFLECTION**2, MIN_SCALE),
         prior=config.prior,
         partial=problem.partial,
     )

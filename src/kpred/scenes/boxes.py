@@ -20,7 +20,7 @@ REACH = 1.25
 
 
 def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarray | str:
-    """(N,) which of the points (N, 3) lie in a box, or a clause that says what is wrong with the box.
+    """Return the mask (N,) of points (N, 3) in a box, or the reason why the box is invalid.
 
     A box is `center` (3,), `size` (3,), full lengths along x, y and z before it is turned, and `yaw`, radians about the
     up axis (0 when left out), or instead of it `axes`, (3, 3) with the directions of its sides in rows; or `corners`,
@@ -51,13 +51,13 @@ def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarr
     if axes is not None and not np.allclose(axes @ axes.T, np.eye(3), atol=1e-2):
         return "its axes are not three directions at right angles"
     with np.errstate(over="ignore", invalid="ignore"):
-        local = (points - center) @ (_turn(up, yaw) if axes is None else axes.T)
+        local = (points - center) @ (_yaw_rotation(up, yaw) if axes is None else axes.T)
     inside: np.ndarray = (np.abs(local) <= size / 2 + 1e-9).all(axis=1)
     return inside
 
 
 def arkit_boxes(entries: Sequence[Any]) -> list[dict[str, Any]]:
-    """Boxes as `box_members` reads them, of the `data` of an ARKitScenes annotation; broken ones have no center."""
+    """Convert the `data` of an ARKitScenes annotation to boxes; broken ones have no center."""
     boxes = []
     for entry in entries:
         item = entry if isinstance(entry, dict) else {}
@@ -71,7 +71,7 @@ def arkit_boxes(entries: Sequence[Any]) -> list[dict[str, Any]]:
 
 
 def labelcloud_box(item: Mapping[str, Any]) -> dict[str, Any] | None:
-    """A box as `box_members` reads it, of an object of labelCloud (z up, rotations in degrees); None if it is none."""
+    """Convert an object of labelCloud (z up, degrees) to a box; None if it is none."""
     parts = [item.get(key) for key in ("centroid", "dimensions", "rotations")]
     if not all(isinstance(part, dict) for part in parts):
         return None
@@ -91,7 +91,7 @@ def labelcloud_box(item: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def annotated_members(scene: Scene, models: Sequence[AlignedModel]) -> list[np.ndarray | str]:
-    """For each model the (N,) mask of its points, or a sentence that says why there can be none.
+    """Return, for each model, the mask (N,) of its points, or the reason why there is none.
 
     A point belongs to the model in whose box it lies deepest, among those whose class it has; without labels, to the
     deepest of all, within the model's own box. Walls, floors and ceilings belong to none.
@@ -129,7 +129,7 @@ def _of_class(scene: Scene, category: str) -> np.ndarray:
 
 
 def _own_box(scene: Scene, model: AlignedModel) -> tuple[np.ndarray, np.ndarray] | str:
-    """Half size and centre of a model's box in its own frame: as annotated, else of its mesh beside the scene."""
+    """Return half size and centre of a model's box in its own frame: as annotated, else of its mesh."""
     if model.half_size is not None and model.center is not None:
         return model.half_size, model.center
     # Scan2CAD's repository: Assets/scannet-sample/<scene>/<file> and Assets/shapenet-sample/<synset>/<model>.
@@ -146,12 +146,12 @@ def _own_box(scene: Scene, model: AlignedModel) -> tuple[np.ndarray, np.ndarray]
     )
 
 
-def _turn(up: str, yaw: float) -> np.ndarray:
-    """(3, 3): rows of points times this are coordinates in a box turned by `yaw` about the up axis."""
+def _yaw_rotation(up: str, yaw: float) -> np.ndarray:
+    """Return the rotation (3, 3) that takes rows of points into a box of `yaw` about the up axis."""
     axis = "xyz".index(up[-1])
     first, second = (axis + 1) % 3, (axis + 2) % 3
     angle = -yaw if up.startswith("-") else yaw
-    turn = np.eye(3)
-    turn[first, first] = turn[second, second] = np.cos(angle)
-    turn[first, second], turn[second, first] = -np.sin(angle), np.sin(angle)
-    return turn
+    rotation = np.eye(3)
+    rotation[first, first] = rotation[second, second] = np.cos(angle)
+    rotation[first, second], rotation[second, first] = -np.sin(angle), np.sin(angle)
+    return rotation

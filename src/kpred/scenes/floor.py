@@ -13,23 +13,23 @@ from kpred.scenes.objects import SceneObject
 from kpred.scenes.scene import Scene
 from kpred.shapes.categories import NYU40
 
-HIGHEST_FOOT = 1.2
+MAX_FOOT_HEIGHT = 1.2
 """Metres: an object whose lowest point is farther above the floor hangs or lies on something."""
 
-MOST_TILT = 0.1
+MAX_TILT = 0.1
 """Rise over run of a floor: scans bend and lean by a few degrees."""
 
-LEAST_SHARE = 0.15
+MIN_FLOOR_FRACTION = 0.15
 """Of the scene's footprint that a floor without labels must cover."""
 
-MOST_BELOW = 0.03
+MAX_BELOW_FRACTION = 0.03
 """Of the scene that may lie below its floor: stray points and reflections."""
 
 _COLUMNS = (20, 120)
 """Least and most columns along the longer side of the footprint in which the lowest points are looked for."""
 
-_LEAST_COLUMNS = 12
-_LEAST_INSIDE = 0.2
+_MIN_COLUMNS = 12
+_MIN_INSIDE = 0.2
 """Of a floor's coarse cells that must have floor on all four sides: lower edges of walls are level, but only lines."""
 
 _TRIALS = 200
@@ -57,26 +57,26 @@ class SceneFloor:
     metres: float = 1.0
 
     def height_under(self, points: Float[np.ndarray, "points 3"]) -> float:
-        """Height of the floor, along the up axis, below the middle of an object's points."""
+        """Return the height of the floor, along the up axis, below the middle of an object's points."""
         plan = _plan(points, self.up)
         return float(self.level + (plan.min(axis=0) + plan.max(axis=0)) / 2 @ self.slope)
 
     def carries(self, points: Float[np.ndarray, "points 3"]) -> bool:
-        """Whether an object with these points stands on the floor, though its feet may not have been scanned.
+        """Test whether an object with these points stands on the floor, even if its feet were not scanned.
 
-        Furniture does, unless its lowest points are more than `HIGHEST_FOOT` above the floor, as those of wall
+        Furniture does, unless its lowest points are more than `MAX_FOOT_HEIGHT` above the floor, as those of wall
         cupboards are.
         """
         lowest = float(np.quantile(_heights(points, self.up), 0.01))
-        return (lowest - self.height_under(points)) * self.metres <= HIGHEST_FOOT
+        return (lowest - self.height_under(points)) * self.metres <= MAX_FOOT_HEIGHT
 
 
 def find_floor(scene: Scene, objects: Sequence[SceneObject] = (), seed: int = 0) -> SceneFloor | None:
-    """The floor of a scene; None if it has none.
+    """Find the floor of a scene, or None.
 
-    Points that are labelled floor tell it, by the scene's NYU40 labels or by an object of the category `floor`. Where
-    there are none, it is the lowest nearly level plane that covers at least `LEAST_SHARE` of the footprint, with at
-    most `MOST_BELOW` of the scene below; points of the objects do not count for it, since tops of tables are level too.
+    Uses points labelled floor, by the scene's NYU40 labels or by an object of the category `floor`. Without these, it
+    is the lowest nearly level plane that covers at least `MIN_FLOOR_FRACTION` of the footprint, with at most
+    `MAX_BELOW_FRACTION` of the scene below; points of the objects are excluded, since tops of tables are level too.
 
     Args:
         objects: what stands in the scene (`kpred.scenes.objects.objects_of`).
@@ -104,9 +104,13 @@ def find_floor(scene: Scene, objects: Sequence[SceneObject] = (), seed: int = 0)
         return None
     on_it = np.abs(lowest - plan @ plane[:2] - plane[2]) <= tolerance
     footprint = len(_lowest(points, scene.up, points)[1])
-    solid = _thinned(points, scene.up)
+    solid = _downsampled(points, scene.up)
     below = _heights(solid, scene.up) < _plan(solid, scene.up) @ plane[:2] + plane[2] - 2 * tolerance
-    if on_it.sum() < LEAST_SHARE * footprint or _inside(plan[on_it]) < _LEAST_INSIDE or below.mean() > MOST_BELOW:
+    if (
+        on_it.sum() < MIN_FLOOR_FRACTION * footprint
+        or _inside(plan[on_it]) < _MIN_INSIDE
+        or below.mean() > MAX_BELOW_FRACTION
+    ):
         return None
     return SceneFloor(scene.up, float(plane[2]), plane[:2], "points", metres)
 
@@ -121,13 +125,13 @@ def _plan(points: np.ndarray, up: str) -> np.ndarray:
 
 
 def _cell_size(whole: np.ndarray, up: str) -> float:
-    """Width of the columns: so that some ten points lie in each, where points are evenly spread."""
+    """Return the width of the columns: about ten points lie in each, where points are evenly spread."""
     columns = np.clip(np.sqrt(len(whole)) / 3, *_COLUMNS)
     return max(float(np.ptp(_plan(whole, up), axis=0).max() / columns), 1e-12)
 
 
 def _inside(plan: np.ndarray) -> float:
-    """Share of the coarse cells of an area (N, 2) whose four neighbours belong to it too: 0 for lines."""
+    """Measure the fraction of coarse cells of an area (N, 2) with four neighbours in it; 0 for lines."""
     extent = np.ptp(plan, axis=0)
     size = max(float(extent.min()) / 8, float(extent.max()) / 60, 1e-12)
     cells = np.unique(np.floor((plan - plan.min(axis=0)) / size).astype(np.int64), axis=0) + 1
@@ -151,19 +155,19 @@ def _lowest(points: np.ndarray, up: str, whole: np.ndarray) -> tuple[np.ndarray,
     return plan[rows], height[rows]
 
 
-def _thinned(points: np.ndarray, up: str) -> np.ndarray:
-    """One point of each cube of a column's width."""
+def _downsampled(points: np.ndarray, up: str) -> np.ndarray:
+    """Select one point of each cube of a column's width."""
     cell = np.floor((points - points.min(axis=0)) / _cell_size(points, up)).astype(np.int64)
     return np.asarray(points[np.unique(cell, axis=0, return_index=True)[1]])
 
 
 def _plane(plan: np.ndarray, height: np.ndarray, tolerance: float, seed: int) -> np.ndarray | None:
-    """Slopes and level (3,) of the nearly level plane that most of these points lie on; None if too few do."""
-    if len(height) < _LEAST_COLUMNS:
+    """Fit slopes and level (3,) of the nearly level plane of most points; None if too few lie on it."""
+    if len(height) < _MIN_COLUMNS:
         return None
     rng = np.random.default_rng(seed)
     rows = np.column_stack([plan, np.ones(len(plan))])
-    best, most = None, 0
+    best, max_count = None, 0
     for trial in range(_TRIALS):
         # Level planes through single points first: nearly all floors are found by these.
         if trial % 2 == 0:
@@ -173,12 +177,12 @@ def _plane(plan: np.ndarray, height: np.ndarray, tolerance: float, seed: int) ->
             if abs(np.linalg.det(rows[three])) < 1e-9 * max(float(np.abs(plan).max()), 1e-12) ** 2:
                 continue
             found = np.linalg.solve(rows[three], height[three])
-        if np.hypot(found[0], found[1]) > MOST_TILT:
+        if np.hypot(found[0], found[1]) > MAX_TILT:
             continue
         on_it = int((np.abs(rows @ found - height) <= tolerance).sum())
-        if on_it > most:
-            best, most = found, on_it
-    if best is None or most < _LEAST_COLUMNS:
+        if on_it > max_count:
+            best, max_count = found, on_it
+    if best is None or max_count < _MIN_COLUMNS:
         return None
     for _ in range(4):
         on_it = np.abs(rows @ best - height) <= tolerance
@@ -187,4 +191,4 @@ def _plane(plan: np.ndarray, height: np.ndarray, tolerance: float, seed: int) ->
         middle = rows[on_it] - np.array([*plan.mean(axis=0), 0.0])
         slopes = np.linalg.solve(middle.T @ middle + pull, middle.T @ height[on_it])
         best = np.array([slopes[0], slopes[1], slopes[2] - slopes[:2] @ plan.mean(axis=0)])
-    return np.asarray(best) if np.hypot(best[0], best[1]) <= MOST_TILT else None
+    return np.asarray(best) if np.hypot(best[0], best[1]) <= MAX_TILT else None

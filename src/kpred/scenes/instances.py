@@ -20,7 +20,7 @@ INSTANCE_PROPERTIES = ("instance", "instance_id", "instances", "object_id", "obj
 LABEL_PROPERTIES = ("label", "nyu40", "nyu40id")
 TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts", ".labels")
 
-_LARGEST = 2**53
+_MAX_NUMBER = 2**53
 """Beyond it not all whole numbers are floats."""
 
 
@@ -35,7 +35,7 @@ def instance_numbers(file: Path, count: int) -> np.ndarray:
         flat = np.asarray(_raw_numbers(file)).reshape(-1)
     if flat.dtype.kind == "f":
         flat = np.nan_to_num(flat, nan=-1, posinf=-1, neginf=-1)
-        if (flat != np.round(flat)).any() or (np.abs(flat) >= _LARGEST).any():
+        if (flat != np.round(flat)).any() or (np.abs(flat) >= _MAX_NUMBER).any():
             raise ScanError(f"{file}: its numbers are not whole; give one instance number a point.")
     elif flat.dtype.kind not in "iub":
         raise ScanError(f"{file}: it holds {flat.dtype}, not numbers; give one instance number a point.")
@@ -45,17 +45,17 @@ def instance_numbers(file: Path, count: int) -> np.ndarray:
 
 
 def column_numbers(columns: Columns, names: tuple[str, ...]) -> np.ndarray | None:
-    """(N,) int64 of the first of these properties that is there; NaN and infinite numbers become -1."""
+    """Return the first present property of these, (N,) int64; NaN and infinite numbers become -1."""
     for name in names:
         column = columns.get(name)
         if column is not None and not isinstance(column, PlyLists):
             finite = np.nan_to_num(column, nan=-1, posinf=-1, neginf=-1)
-            return np.where(np.abs(finite) < _LARGEST, finite, -1).astype(np.int64)
+            return np.where(np.abs(finite) < _MAX_NUMBER, finite, -1).astype(np.int64)
     return None
 
 
 def instances_of_faces(faces: Columns, count: int) -> np.ndarray | None:
-    """(count,) int64 numbers of vertices by those of their faces, as in Replica; -1 where no face has one."""
+    """Return transfer numbers of faces to vertices (count,) int64, as in Replica; -1 for none."""
     numbers = column_numbers(faces, INSTANCE_PROPERTIES)
     lists = next((item for name, item in faces.items() if isinstance(item, PlyLists) and name.startswith("vert")), None)
     if numbers is None or lists is None:

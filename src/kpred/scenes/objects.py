@@ -50,7 +50,7 @@ class SceneObject:
 
 
 def objects_of(scene: Scene, file: str | os.PathLike[str] | None = None) -> list[SceneObject]:
-    """The objects of a scene, in the file's order.
+    """Read the objects of a scene, in the file's order.
 
     `file` is one of:
     - instance numbers of all points: .npy, .npz (array `instances`, `instance` or `labels`, or the only one), .txt, or
@@ -98,7 +98,7 @@ def _from_file(scene: Scene, source: Path) -> list[SceneObject]:
 def _object(
     scene: Scene, name: str, category: str | None, members: np.ndarray, annotation: AlignedModel | None, where: str
 ) -> SceneObject:
-    """The object of these rows; `members` are row numbers or a mask of the scene's points."""
+    """Build the object of these rows; `members` are row numbers or a mask of the scene's points."""
     rows = np.flatnonzero(members) if members.dtype == bool else members
     rows = rows[np.isfinite(scene.points[rows]).all(axis=1)]
     problem = None if len(rows) else f"{name}: no point of the scan {where}."
@@ -162,7 +162,7 @@ def _from_json(scene: Scene, file: Path) -> list[SceneObject]:
 
 
 def _names_instances(entries: list[Any]) -> bool:
-    """Whether these are names of instances, as in Replica's info_semantic.json."""
+    """Test whether these are names of instances, as in Replica's info_semantic.json."""
     return bool(entries) and all(
         isinstance(entry, dict) and "id" in entry and "class_name" in entry for entry in entries
     )
@@ -226,7 +226,7 @@ def _from_annotation(scene: Scene, file: Path) -> list[SceneObject]:
 
 
 def annotation_of(scene: Scene, file: str | os.PathLike[str]) -> SceneAnnotation:
-    """The annotation of this scene in a `full_annotations.json`: that of its name, or the file's only one.
+    """Read the annotation of this scene in a `full_annotations.json`, by name or as the only one.
 
     Raises:
         ScanError: the file is no annotation, or has only other scenes.

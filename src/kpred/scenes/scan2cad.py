@@ -26,7 +26,7 @@ from kpred.shapes.categories import SYNSETS, category_of
 from kpred.shapes.formats.text_lines import open_lines
 from kpred.shapes.reading import check_file, reading
 
-_SMALLEST_SCALE = 1e-6
+_MIN_SCALE = 1e-6
 _MODEL_FILE = Path("models") / "model_normalized.obj"
 
 
@@ -83,7 +83,7 @@ class SceneAnnotation:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A CAD model put into a scan by translation, rotation (unit quaternion w, x, y, z) and scale, in that order back.
+    """A CAD model aligned to a scan by scale, rotation (unit quaternion w, x, y, z) and translation.
 
     Attributes:
         catid_cad, id_cad: ids of category and model.
@@ -104,12 +104,12 @@ class Alignment:
     name: str = ""
 
     def matrix(self) -> np.ndarray:
-        """(4, 4) for column vectors: the mesh's frame -> the scan's frame."""
+        """Return the matrix (4, 4), column vectors, from the mesh's frame to the scan's frame."""
         return compose(self.translation, self.rotation, self.scale)
 
 
 def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """(4, 4) of scale, then rotation (quaternion w, x, y, z), then translation, for column vectors."""
+    """Compose the matrix (4, 4) of scale, rotation (quaternion w, x, y, z) and translation, for column vectors."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_quat(np.asarray(rotation)[[1, 2, 3, 0]]).as_matrix() * np.asarray(scale)
     matrix[:3, 3] = translation
@@ -117,7 +117,7 @@ def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) ->
 
 
 def decompose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Translation (3,), rotation (4,) as quaternion w, x, y, z (w >= 0) and scale (3,) of a (4, 4) without shear."""
+    """Decompose (4, 4) without shear to translation (3,), quaternion w, x, y, z (w >= 0), scale (3,)."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     quaternion = Rotation.from_matrix(matrix[:3, :3] / scale).as_quat(canonical=True)
     return matrix[:3, 3].copy(), quaternion[[3, 0, 1, 2]], scale
@@ -146,7 +146,7 @@ def read_annotations(path: str | os.PathLike[str], id_scan: str | None = None) -
 
 
 def model_path(model: AlignedModel | BrokenModel, root: str | os.PathLike[str]) -> Path:
-    """The file of an annotated model below a ShapeNet folder, or below the folder of a Scan2CAD repository.
+    """Return the file of an annotated model below a ShapeNet folder or a Scan2CAD repository.
 
     Raises:
         MeshError: it is not there; the message names the object.
@@ -167,7 +167,7 @@ def model_path(model: AlignedModel | BrokenModel, root: str | os.PathLike[str]) 
 
 
 def read_json(file: Path) -> Any:
-    """What a JSON file holds.
+    """Read the content of a JSON file.
 
     Raises:
         ScanError: missing, unreadable or not JSON.
@@ -181,7 +181,7 @@ def read_json(file: Path) -> Any:
 
 
 def results(id_scan: str, alignments: Sequence[Alignment], scan_to_world: np.ndarray | None = None) -> dict[str, Any]:
-    """One scene's results in the form of an entry of `full_annotations.json`.
+    """Return one scene's results in the form of an entry of `full_annotations.json`.
 
     Deformed meshes are no models of ShapeNet, so that every entry names its mesh too. `scan_to_world` (4, 4), without
     shear, is the scene's `trs`; None means that the world is the scan's own frame.
@@ -262,7 +262,7 @@ def _model(number: int, item: Any, world_to_scan: np.ndarray, file: Path) -> Ali
 
 
 def _matrix(trs: Any) -> tuple[np.ndarray, str]:
-    """The matrix of a `trs`, or what is wrong with it."""
+    """Return the matrix of a `trs`, or the reason why it is invalid."""
     if not isinstance(trs, dict):
         return np.eye(4), "it has no trs"
     sizes = {"translation": 3, "rotation": 4, "scale": 3}
@@ -271,9 +271,9 @@ def _matrix(trs: Any) -> tuple[np.ndarray, str]:
         if value is None:
             return np.eye(4), f"its {key} is not {sizes[key]} finite numbers"
     translation, rotation, scale = (value for value in values.values() if value is not None)
-    if (np.abs(scale) < _SMALLEST_SCALE).any():
+    if (np.abs(scale) < _MIN_SCALE).any():
         return np.eye(4), f"its scale {scale.tolist()} has a zero"
-    if np.linalg.norm(rotation) < _SMALLEST_SCALE:
+    if np.linalg.norm(rotation) < _MIN_SCALE:
         return np.eye(4), "its rotation is a zero quaternion"
     return compose(translation, rotation, scale), ""
 

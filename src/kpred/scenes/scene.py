@@ -116,7 +116,7 @@ def read_scene(
 
 
 def scene_name(path: Path) -> str:
-    """ScanNet's id of the scan that a file belongs to (`scene0470_00_vh_clean_2.labels.ply` -> `scene0470_00`)."""
+    """Return ScanNet's scene id of a file (`scene0470_00_vh_clean_2.labels.ply` -> `scene0470_00`)."""
     name = path.name.partition(".")[0]
     head = name.split("_")
     return "_".join(head[:2]) if len(head) > 2 and head[0].startswith("scene") and head[1].isdigit() else name

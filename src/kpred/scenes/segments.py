@@ -13,7 +13,7 @@ from kpred.scenes.scene import Scene
 _NAMES = ("segments.json",)
 """ScanNet++ calls them so; the others lie beside the scene as `<scene>*.segs.json` or `*.segs.v2.json`."""
 
-_LONGEST_NAME = 255
+_MAX_NAME = 255
 
 
 def segment_numbers(scene: Scene, file: Path, named: str) -> np.ndarray:
@@ -26,7 +26,7 @@ def segment_numbers(scene: Scene, file: Path, named: str) -> np.ndarray:
     Raises:
         ScanError: they are not there, or belong to another scene.
     """
-    bare = Path(named.replace("\\", "/")).name if len(named) <= _LONGEST_NAME and "\0" not in named else ""
+    bare = Path(named.replace("\\", "/")).name if len(named) <= _MAX_NAME and "\0" not in named else ""
     folders = [file.parent] + ([scene.path.parent] if scene.path is not None else [])
     names = [name for name in (bare, bare.removeprefix("scannet."), *_NAMES) if name]
     candidates = [folder / name for folder in folders for name in names]

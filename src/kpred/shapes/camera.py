@@ -48,7 +48,7 @@ class Camera:
         return self.camera_to_world[:3, 3].copy()
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """World points (..., 3) -> pixels (..., 2) as (u, v) and depths (...,) along the viewing axis.
+        """Project world points (..., 3) to pixels (..., 2) as (u, v) and depths (...,) along the viewing axis.
 
         Depth is positive in front of the camera; pixels of points with depth <= 0 mean nothing (NaN at depth 0).
         """
@@ -59,18 +59,18 @@ class Camera:
         return plane @ self.intrinsics[:2].T, depth
 
     def unproject(self, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Pixels (..., 2) as (u, v) and depths (...,) -> world points (..., 3); the inverse of `project`."""
+        """Unproject pixels (..., 2) as (u, v) and depths (...,) to world points (..., 3)."""
         pixels, depth = np.asarray(pixels, dtype=np.float64), np.asarray(depth, dtype=np.float64)
         rays = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1) @ np.linalg.inv(self.intrinsics).T
         return (rays * depth[..., None]) @ self.camera_to_world[:3, :3].T + self.camera_to_world[:3, 3]
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
-        """World points (..., 3) -> the camera's axes, (..., 3) float64."""
+        """Transform world points (..., 3) to the camera's axes, (..., 3) float64."""
         moved = np.asarray(points, dtype=np.float64) - self.camera_to_world[:3, 3]
         return moved @ self.camera_to_world[:3, :3]
 
     def resized(self, width: int, height: int) -> Camera:
-        """The same camera with a picture of another size, as when colour and depth frames differ in resolution.
+        """Return the same camera with a picture of another size.
 
         Raises:
             ConfigError: the proportions differ by more than 2 %, so that it cannot be the same view.
@@ -87,7 +87,7 @@ class Camera:
 
 
 def check_intrinsics(matrix: np.ndarray, name: str = "intrinsics") -> np.ndarray:
-    """(3, 3) or ScanNet's (4, 4) matrix -> (3, 3) float64 with last row 0 0 1.
+    """Check a (3, 3) or ScanNet's (4, 4) matrix; return (3, 3) float64 with last row 0 0 1.
 
     Raises:
         ConfigError: wrong shape, not finite, last row not 0 0 1, or no positive focal lengths (singular).
@@ -112,7 +112,7 @@ def check_intrinsics(matrix: np.ndarray, name: str = "intrinsics") -> np.ndarray
 
 
 def check_pose(matrix: np.ndarray, name: str = "pose") -> np.ndarray:
-    """(4, 4) or (3, 4) matrix -> (4, 4) float64 whose rotation is exactly one (rounding of the file is mended).
+    """Check a (4, 4) or (3, 4) matrix; return (4, 4) float64 with an exact rotation.
 
     Raises:
         ScanError: the pose is not finite, which is how ScanNet marks frames whose tracking was lost.

@@ -74,7 +74,7 @@ _SYNSET_OF = {"chair": "03001627", "table": "04379243", "cabinet": "02933112"}
 
 
 def category_of(name: str) -> str:
-    """The category that a synset, a class name or a free label means: `office chair` and `03001627` are `chair`.
+    """Map a synset, a class name or a label to a category: `office chair` and `03001627` are `chair`.
 
     Storage furniture is one category, `cabinet`. A name that means nothing known comes back in lower case with
     underscores.
@@ -94,11 +94,11 @@ def category_of(name: str) -> str:
 
 
 def nyu40_numbers(category: str) -> tuple[int, ...]:
-    """The NYU40 numbers that objects of a category may carry; empty when the category has none."""
+    """Return the NYU40 numbers of a category; empty when it has none."""
     return tuple(NYU40.index(name) for name in _NYU40_OF.get(category, ()))
 
 
 def synset_of(category: str) -> str:
-    """ShapeNet's id of a category, or the category itself where it has none."""
+    """Return ShapeNet's id of a category, or the category itself where it has none."""
     known = {name: synset for synset, name in SYNSETS.items()} | _SYNSET_OF
     return known.get(category, category)

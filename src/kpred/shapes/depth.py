@@ -24,13 +24,13 @@ MASK_EXTENSIONS = (".png", ".npy", ".tif", ".tiff")
 MILLIMETRES = 1000.0
 """Units per metre of whole-number depth pictures when nothing else is said."""
 
-FARTHEST = 10.0
+MAX_DEPTH = 10.0
 """Metres beyond which depth sensors only guess."""
 
 VOXEL = 0.005
 """Metres: of several views' points in a cube of this side, one stays."""
 
-_STEEP = 12.0
+_MAX_STEP = 12.0
 """Steps of depth from pixel to pixel above this many pixel widths are edges: a surface seen at 85 degrees or more."""
 
 _SUPPORT = 2
@@ -80,7 +80,7 @@ class MergedScan:
 def read_depth(
     path: str | os.PathLike[str], depth_scale: float | None = None, units_per_metre: float | None = None
 ) -> np.ndarray:
-    """Depth picture of a file, (height, width) float64 metres; 0 where the sensor saw nothing.
+    """Read a depth picture, (height, width) float64 metres; 0 where the sensor saw nothing.
 
     Whole numbers (16-bit .png or .tiff, integer .npy) are millimetres and their type's highest value means nothing was
     seen; fractions (.tiff, .npy of floats) are metres. `depth_scale` says otherwise for both: units per metre;
@@ -126,7 +126,7 @@ def write_depth(path: str | os.PathLike[str], depth: np.ndarray) -> None:
 
 
 def read_mask(path: str | os.PathLike[str], mask_id: int | None = None) -> np.ndarray:
-    """Pixels of one object, (height, width) bool, from a picture of instance ids or a boolean array.
+    """Read the pixels of one object, (height, width) bool, from instance ids or a boolean array.
 
     Args:
         path: .png or .tiff of whole numbers (palettes count by index), or .npy of booleans or whole numbers.
@@ -162,7 +162,7 @@ def scan_depth(
     mask: np.ndarray | None = None,
     *,
     nearest: float = 0.0,
-    farthest: float = FARTHEST,
+    farthest: float = MAX_DEPTH,
     remove_flying: bool = True,
     name: str = "depth picture",
 ) -> DepthScan:
@@ -212,7 +212,7 @@ def scan_depth(
 
 
 def flying_pixels(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """Pixels (height, width) bool that float between surfaces, where a sensor mixed the depths of front and back.
+    """Find pixels (height, width) bool that float between surfaces, with mixed depths of front and back.
 
     A pixel flies if it is a step on the way from a front to a back, steep on both sides of it along its row or column,
     or if fewer than two of its eight neighbours continue its surface. The border of an object, and a leg one pixel
@@ -232,16 +232,16 @@ def flying_pixels(depth: np.ndarray, camera: Camera) -> np.ndarray:
                 there = padded[1 + down : 1 + down + depth.shape[0], 1 + across : 1 + across + depth.shape[1]]
                 steps = (there - depth) / np.where(seen, width, np.nan)
                 rise[down, across] = steps
-                support += np.abs(steps) <= _STEEP * np.hypot(down, across)
+                support += np.abs(steps) <= _MAX_STEP * np.hypot(down, across)
     between = np.zeros_like(seen)
     for one, other in (((0, -1), (0, 1)), ((-1, 0), (1, 0))):
-        between |= (rise[one] > _STEEP) & (rise[other] < -_STEEP)
-        between |= (rise[one] < -_STEEP) & (rise[other] > _STEEP)
+        between |= (rise[one] > _MAX_STEP) & (rise[other] < -_MAX_STEP)
+        between |= (rise[one] < -_MAX_STEP) & (rise[other] > _MAX_STEP)
     return seen & (between | (support < _SUPPORT))
 
 
 def merge_views(scans: Sequence[DepthScan], voxel: float = VOXEL) -> MergedScan:
-    """All views' points in one cloud, one in each cube of side `voxel` metres (0 keeps all).
+    """Merge the points of all views, one in each cube of side `voxel` metres (0 keeps all).
 
     Of the points in a cube the one nearest to its own camera stays, since the noise of depth grows with distance. The
     points of a single view stay as they are.

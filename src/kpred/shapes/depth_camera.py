@@ -59,5 +59,5 @@ def depth_camera(
 
 
 def _is_centred(matrix: np.ndarray, size: Size) -> bool:
-    """Whether the principal point lies near the middle of a picture of this size."""
+    """Test whether the principal point lies near the middle of a picture of this size."""
     return all(abs((2 * matrix[axis, 2] + 1) / size[axis] - 1) < _CENTRED for axis in (0, 1))

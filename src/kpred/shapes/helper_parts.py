@@ -46,7 +46,7 @@ def helper_part(mesh: Mesh) -> str | None:
 
 
 def _far_part(low: np.ndarray, high: np.ndarray) -> str | None:
-    """Whether one part lies farther from the box of all others than that box is large."""
+    """Test whether one part lies farther from the box of all others than that box is large."""
     if len(low) > 2000:
         return None
     for part in range(len(low)):
@@ -59,7 +59,7 @@ def _far_part(low: np.ndarray, high: np.ndarray) -> str | None:
 
 
 def _parts_of_faces(mesh: Mesh) -> np.ndarray:
-    """(F,) number of the connected part of each face; vertices at the same place are one."""
+    """Return number the connected part of each face (F,); vertices at the same position are welded."""
     _, vertex = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = vertex.reshape(-1)[mesh.faces]
     count = int(faces.max()) + 1

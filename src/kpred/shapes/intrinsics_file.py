@@ -81,7 +81,7 @@ def read_intrinsics(path: str | os.PathLike[str]) -> tuple[np.ndarray, Size | No
 
 
 def _cameras(file: Path, content: Any, picture: Size | None) -> Iterator[tuple[int, np.ndarray, Size | None]]:
-    """Every camera in nested content with its rank: cameras of depth first, cameras of colour last."""
+    """Yield every camera in nested content with its rank: depth cameras first, colour cameras last."""
     outer = _sizes(file, content) if isinstance(content, dict) else {}
     for path, item in dictionaries(content):
         lowered = {str(key).lower(): value for key, value in item.items()}
@@ -114,7 +114,7 @@ def _cameras(file: Path, content: Any, picture: Size | None) -> Iterator[tuple[i
 
 
 def _of_rows(file: Path, content: Any) -> list[tuple[np.ndarray, Size | None]]:
-    """Cameras of a file of numbers."""
+    """Read the cameras of a file of numbers."""
     rows = content if isinstance(content, list) and content and isinstance(content[0], list) else [content]
     colmap = [row for row in rows if isinstance(row, list) and len(row) > 6 and str(row[1]) in COLMAP_MODELS]
     if colmap:
@@ -140,7 +140,7 @@ def _of_numbers(values: list[float]) -> np.ndarray:
 
 
 def _of_array(file: Path, array: np.ndarray) -> np.ndarray:
-    """The matrix of four numbers, of nine or sixteen row by row or column by column, or as it is."""
+    """Read a matrix of four numbers, of nine or sixteen by rows or columns, or as it is."""
     if array.size == 4 and array.ndim == 1 or array.shape == (1, 4):
         return _of_numbers(array.ravel().tolist())
     if array.shape in ((9,), (16,), (1, 9), (1, 16)):
@@ -154,7 +154,7 @@ def _of_array(file: Path, array: np.ndarray) -> np.ndarray:
 
 
 def _azure(file: Path, camera: dict[str, Any], picture: Size | None) -> tuple[np.ndarray, Size | None]:
-    """Azure Kinect's own calibration: cx, cy, fx, fy as fractions of the sensor, of which depth modes use a part."""
+    """Read Azure Kinect's calibration: cx, cy, fx, fy as fractions of the sensor, cropped by the depth mode."""
     values = numbers(file, {"p": camera["modelparameters"]}["p"]).ravel()
     if values.size < 4:
         raise ConfigError(f"{file}: its ModelParameters are incomplete; save the calibration again.")
@@ -172,7 +172,7 @@ def _azure(file: Path, camera: dict[str, Any], picture: Size | None) -> tuple[np
 
 
 def _sizes(file: Path, item: dict[str, Any]) -> dict[str, Size]:
-    """Sizes of pictures in one dictionary, by what they are of: depth, color, or not said."""
+    """Read the sizes of pictures in one dictionary, by kind: depth, color, or unknown."""
     lowered = {str(key).lower(): value for key, value in item.items()}
     found: dict[str, Size] = {}
     for names, suffix in SIZE_KEYS:
@@ -190,7 +190,7 @@ def _sizes(file: Path, item: dict[str, Any]) -> dict[str, Size]:
 
 
 def _scale(content: Any) -> float | None:
-    """Units per metre of whole-number depths, from keys that say it in several ways."""
+    """Read the units per metre of whole-number depths, under any of several keys."""
     for _, item in dictionaries(content):
         lowered = {str(key).lower(): value for key, value in item.items()}
         for name in SCALE_KEYS:
@@ -201,14 +201,14 @@ def _scale(content: Any) -> float | None:
 
 
 def _units_per_metre(value: float) -> float:
-    """Values above 1 are units a metre (TUM 5000), up to 0.01 metres a unit (RealSense), between millimetres (BOP)."""
+    """Convert a scale: above 1 units per metre (TUM), up to 0.01 metres per unit (RealSense), else BOP's."""
     if value > 1:
         return value
     return 1 / value if value <= 0.01 else 1000.0 / value
 
 
 def _is_number(value: Any) -> bool:
-    """Whether this is a number, or text that writes one, as some programs do."""
+    """Test whether this is a number, or text that contains one."""
     if isinstance(value, str) and len(value) < 40:
         try:
             return abs(float(value)) < 1e9

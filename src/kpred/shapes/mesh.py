@@ -59,7 +59,7 @@ class Mesh:
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     def face_areas(self) -> np.ndarray:
-        """(F,) float64: area of each face, in squared units of the vertices."""
+        """Compute the area (F,) float64 of each face, in squared units of the vertices."""
         # float64 and differences first: far from the origin float32 products would cancel.
         corners = self.vertices[self.faces].astype(np.float64)
         with np.errstate(invalid="ignore", over="ignore"):

@@ -22,7 +22,7 @@ from kpred.shapes.reading import check_file, reading
 MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 # float32 keeps 24 bits: beyond this distance, in sizes of the object, its surface would move by 0.1 % of that size.
-_FARTHEST = 1e4
+_MAX_DISTANCE = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def _check_distance(points: np.ndarray, path: Path) -> None:
     if not len(finite):
         return
     low, high = finite.min(axis=0), finite.max(axis=0)
-    if max(np.abs(low).max(), np.abs(high).max()) > _FARTHEST * (high - low).max() > 0:
+    if max(np.abs(low).max(), np.abs(high).max()) > _MAX_DISTANCE * (high - low).max() > 0:
         raise MeshError(
             f"{path}: it lies so far from its origin that single precision would spoil it; move it to the origin."
         )

@@ -84,7 +84,7 @@ def _joined(mesh: trimesh.Trimesh | trimesh.Scene) -> trimesh.Trimesh:
 
 
 def _digits(vertices: np.ndarray) -> int:
-    """Digits that give the coordinates back: exactly those of float32, and far from the origin those of float64."""
+    """Return the number of digits that preserve the coordinates: float32, or float64 far from the origin."""
     return 17 if vertices.dtype == np.float64 and needs_double(vertices, 1e-6) else 9
 
 
@@ -103,7 +103,7 @@ def _export(mesh: Mesh | trimesh.Trimesh | trimesh.Scene, geometry: Mesh | trime
 
 
 def _ply(vertices: np.ndarray, faces: np.ndarray) -> bytes:
-    """A binary PLY file; coordinates are doubles where float32 would move them."""
+    """Make a binary PLY file; coordinates are doubles where float32 would move them."""
     double = vertices.dtype == np.float64 and needs_double(vertices, _TOLERANCE)
     kind = "double" if double else "float"
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
@@ -115,7 +115,7 @@ def _ply(vertices: np.ndarray, faces: np.ndarray) -> bytes:
 
 
 def _glb_scene(mesh: Mesh | trimesh.Trimesh) -> trimesh.Scene:
-    """A node a part; far from the origin the vertices are near it and the nodes are moved."""
+    """Make a scene of one node a part; far from the origin the nodes carry the offset."""
     import trimesh
 
     vertices = np.asarray(mesh.vertices)

@@ -153,7 +153,7 @@ class MeshPack:
         return len(self.model_id)
 
     def __getitem__(self, index: int) -> Mesh:
-        """Mesh ``index``, named by its model id; its arrays are views into the pack where the types allow."""
+        """Return mesh ``index``, named by its model id; its arrays are views where the types allow."""
         i = int(index)
         if not -len(self) <= i < len(self):
             raise IndexError(f"shape {i} of a pack of {len(self)}")
@@ -167,7 +167,7 @@ class MeshPack:
         return (self[i] for i in range(len(self)))
 
     def indices(self, split: str | None = None) -> np.ndarray:
-        """(n,) int64: positions of the shapes of one split, or of all shapes."""
+        """Return the indices (n,) int64 of the shapes of one split, or of all shapes."""
         if split is None:
             return np.arange(len(self))
         return np.flatnonzero(self.split == split)
@@ -204,7 +204,7 @@ def _check(pack: MeshPack) -> None:
 
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:
-    """All arrays of a pack, after a look at how large they say they are."""
+    """Read all arrays of a pack, after a check of their declared sizes."""
     if not zipfile.is_zipfile(file):
         with open(file, "rb") as stream:
             single = stream.read(6) == b"\x93NUMPY"
@@ -224,7 +224,7 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
 
 
 def concatenate(packs: Sequence[MeshPack], category: str | None = None) -> MeshPack:
-    """One pack of all shapes, in order.
+    """Join packs to one pack of all shapes, in order.
 
     Part indices are renumbered into the union of the part names when every pack that has parts names them. An extra
     array is joined when every pack has it with one entry a shape; a str array missing in some packs is filled with "".

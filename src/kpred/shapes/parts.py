@@ -11,29 +11,29 @@ _WELD = 1e-5
 """Corners nearer than this share of the mesh's size are one, where triangles share no vertices."""
 
 
-def part_labels(mesh: Mesh, most: int) -> Int[np.ndarray, " faces"]:
-    """Part of each face, 0 to at most `most` - 1; the same mesh gives the same parts.
+def part_labels(mesh: Mesh, max_parts: int) -> Int[np.ndarray, " faces"]:
+    """Return label the part of each face, 0 to at most `max_parts` - 1; deterministic.
 
     A part is what hangs together by shared vertices (a box of a cuboid assembly) and carries one label where the faces
-    are labelled (`Mesh.face_parts`, as the generator's). Of more than `most` parts the smallest are joined one by one
-    to the nearest, to one with the same label if there is any.
+    are labelled (`Mesh.face_parts`, as the generator's). Of more than `max_parts` parts the smallest are joined one by
+    one to the nearest, to one with the same label if there is any.
     """
-    if most < 1:
-        raise ValueError(f"A mesh has at least one part, but at most {most} are wanted.")
+    if max_parts < 1:
+        raise ValueError(f"A mesh has at least one part, but at most {max_parts} are wanted.")
     component = _components(mesh.faces, len(mesh.vertices))
     if component.max(initial=0) + 1 > len(mesh.faces) / 2 and len(mesh.faces) > 2:
         component = _components(_welded(mesh), len(mesh.vertices))
     given = np.zeros(len(mesh.faces), np.int64) if mesh.face_parts is None else mesh.face_parts.astype(np.int64)
     groups, label = np.unique(np.stack([component, given], axis=1), axis=0, return_inverse=True)
     label = label.reshape(-1)
-    if len(groups) > most:
-        label = _joined(mesh, label, groups[:, 1], most)
+    if len(groups) > max_parts:
+        label = _joined(mesh, label, groups[:, 1], max_parts)
     found: np.ndarray = np.unique(label, return_inverse=True)[1].reshape(-1)
     return found
 
 
 def _components(faces: np.ndarray, vertices: int) -> np.ndarray:
-    """(F,) number of the connected component of each face, by lowest vertex."""
+    """Return number the connected component of each face (F,), by lowest vertex."""
     label = np.arange(vertices)
     while True:
         lowest = label[faces].min(axis=1, initial=vertices)
@@ -46,7 +46,7 @@ def _components(faces: np.ndarray, vertices: int) -> np.ndarray:
 
 
 def _welded(mesh: Mesh) -> np.ndarray:
-    """The faces with vertices of one place made one."""
+    """Return the faces with vertices of equal position welded."""
     size = float(np.ptp(mesh.vertices, axis=0).max()) or 1.0
     grid = np.round(mesh.vertices / (size * _WELD)).astype(np.int64)
     one: np.ndarray = np.unique(grid, axis=0, return_inverse=True)[1].reshape(-1)
@@ -54,8 +54,8 @@ def _welded(mesh: Mesh) -> np.ndarray:
     return welded
 
 
-def _joined(mesh: Mesh, label: np.ndarray, given: np.ndarray, most: int) -> np.ndarray:
-    """Labels of at most `most` groups; `given` is each group's own label."""
+def _joined(mesh: Mesh, label: np.ndarray, given: np.ndarray, max_parts: int) -> np.ndarray:
+    """Join labels to at most `max_parts` groups; `given` is each group's own label."""
     count = len(given)
     area = np.bincount(label, mesh.face_areas(), count)
     corners = mesh.vertices[mesh.faces]
@@ -63,7 +63,7 @@ def _joined(mesh: Mesh, label: np.ndarray, given: np.ndarray, most: int) -> np.n
     np.minimum.at(low, label, corners.min(axis=1))
     np.maximum.at(high, label, corners.max(axis=1))
     target, alive = np.arange(count), np.ones(count, bool)
-    for _ in range(count - most):
+    for _ in range(count - max_parts):
         small = int(np.where(alive, area, np.inf).argmin())
         alive[small] = False
         others = np.flatnonzero(alive & (given == given[small]))

@@ -46,7 +46,7 @@ def read_picture(file: Path, extensions: tuple[str, ...], kind: str) -> np.ndarr
 
 
 def _array(file: Path, kind: str) -> np.ndarray:
-    """The array of a .npy file, whose header is checked before memory is taken for it."""
+    """Read the array of a .npy file, after a check of its header."""
     try:
         with open(file, "rb") as stream:
             shape, _, dtype = array_header(stream, str(file))

@@ -46,7 +46,7 @@ def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | No
 
 
 def _frame(file: Path, content: dict[str, Any], picture: str | os.PathLike[str] | None) -> dict[str, Any]:
-    """The dictionary that holds the pose: the file's own, or that of one of its frames."""
+    """Find the dictionary with the pose: the file's own, or that of one of its frames."""
     frames = content.get("frames")
     if not isinstance(frames, list) or not frames:
         return content
@@ -61,7 +61,7 @@ def _frame(file: Path, content: dict[str, Any], picture: str | os.PathLike[str] 
 
 
 def _of_keys(file: Path, content: dict[str, Any], picture: str | os.PathLike[str] | None) -> np.ndarray:
-    """The pose that nested keys name; of several, the one that stands under the name of the picture."""
+    """Find the pose in nested keys; of several, the one under the name of the picture."""
     found = [(path, pose) for path, item in dictionaries(content) if (pose := _of_dictionary(file, item)) is not None]
     if not found:
         raise ConfigError(f"{file}: it names no pose; give a 4 x 4 matrix under the key camera_to_world.")
@@ -97,7 +97,7 @@ def _converted(file: Path, matrix: np.ndarray, convention: str) -> np.ndarray:
 
 
 def _square(array: np.ndarray) -> np.ndarray:
-    """(4, 4) or (3, 4) of a matrix that stands in one row, or of TUM's position and quaternion."""
+    """Convert a matrix in one row, or TUM's position and quaternion, to (4, 4) or (3, 4)."""
     flat = array.ravel()
     if flat.size in (7, 8) and min(array.shape) in (1, flat.size):
         position, quaternion = flat[-7:-4], flat[-4:]

@@ -6,13 +6,13 @@ import numpy as np
 
 
 def single_precision_step(points: np.ndarray) -> float:
-    """The largest distance between neighbouring float32 numbers at the coordinates (N, 3), in their unit."""
+    """Return the largest float32 spacing at the coordinates (N, 3), in their unit."""
     largest = float(np.abs(points).max(initial=0.0))
     return float(np.spacing(np.float32(min(largest, 1e38))))
 
 
 def needs_double(points: np.ndarray, tolerance: float) -> bool:
-    """Whether float32 moves points (N, 3) by more than `tolerance` of their extent."""
+    """Test whether float32 moves points (N, 3) by more than `tolerance` of their extent."""
     if not len(points):
         return False
     extent = float((points.max(axis=0) - points.min(axis=0)).max())

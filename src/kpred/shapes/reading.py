@@ -62,6 +62,6 @@ def check_file(path: Path, error_type: type[KpredError], kind: str = "file") -> 
 
 
 def _reason(error: Exception) -> str:
-    """The first line of an error's text, short enough for a sentence."""
+    """Return the first line of an error's text, shortened."""
     lines = str(error).splitlines()
     return (lines[0] if lines else type(error).__name__)[:120]

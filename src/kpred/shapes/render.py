@@ -17,7 +17,7 @@ _TOUCHING = 1e-7
 
 
 def render_depth(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
-    """Depth picture of a mesh.
+    """Render the depth picture (height, width) of a mesh.
 
     Args:
         vertices: (V, 3) in the camera's world, in any unit; faces: (F, 3), seen from both sides.
@@ -31,7 +31,7 @@ def render_depth(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> np.
 
 
 def render_faces(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (height, width) float64, infinite where nothing is seen, and the face seen, int64, -1 for none."""
+    """Render depth (height, width) float64, infinite where nothing is seen, and the visible face, -1 for none."""
     corners, owner = _in_front(camera.to_camera(vertices), np.asarray(faces, dtype=np.int64))
     inverse = np.zeros(camera.height * camera.width)
     seen = np.full(len(inverse), -1, dtype=np.int64)
@@ -45,7 +45,7 @@ def render_faces(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tup
 
 
 def _in_front(local: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (T, 3, 3) in camera axes, cut off at the near plane, and the face (T,) each comes from."""
+    """Clip triangles (T, 3, 3) in camera axes at the near plane; also return their faces (T,)."""
     corners = local[faces].reshape(-1, 3, 3)
     depth = corners[..., 2]
     near = NEAR * float(depth.max(initial=0.0))
@@ -59,8 +59,8 @@ def _in_front(local: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
             continue
         # Turn the corner that is alone on its side to the front; the plane cuts the two edges that leave it.
         alone = (before[inside == count] if count == 1 else ~before[inside == count]).argmax(axis=1)
-        turn = (alone[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(cut, turn[..., None], axis=1), 1, 0)
+        shift = (alone[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(cut, shift[..., None], axis=1), 1, 0)
         ab, ac = (a + (other - a) * ((near - a[:, 2:]) / (other[:, 2:] - a[:, 2:])) for other in (b, c))
         pieces = [(a, ab, ac)] if count == 1 else [(ab, b, c), (ab, c, ac)]
         parts += [np.stack(piece, axis=1) for piece in pieces]
@@ -69,7 +69,7 @@ def _in_front(local: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _spans(plane: np.ndarray, width: int, height: int) -> Iterator[tuple[np.ndarray, ...]]:
-    """Runs of pixels whose centres lie in a triangle: (triangle, row, first column, count), in bounded portions."""
+    """Yield pixel runs within triangles: (triangle, row, first column, count), in bounded portions."""
     lowest, highest = plane[..., 1].min(axis=1), plane[..., 1].max(axis=1)
     top = np.ceil(np.clip(lowest - _TOUCHING, -1, height)).astype(np.int64).clip(0)
     rows = (np.floor(np.clip(highest + _TOUCHING, -1, height)).astype(np.int64).clip(max=height - 1) - top + 1).clip(0)
@@ -135,14 +135,14 @@ def _doubled_area(plane: np.ndarray) -> np.ndarray:
 
 
 def _counting(counts: np.ndarray) -> np.ndarray:
-    """0 .. n-1 for each n of `counts`, one after the other."""
+    """Return 0 .. n-1 for each n of `counts`, concatenated."""
     return np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
-def _portions(sizes: np.ndarray, most: int) -> Iterator[np.ndarray]:
-    """Rows with sizes > 0, in portions whose sizes add up to about `most`."""
+def _portions(sizes: np.ndarray, max_pixels: int) -> Iterator[np.ndarray]:
+    """Yield rows with sizes > 0, in portions whose sizes add up to about `max_pixels`."""
     used = np.flatnonzero(sizes > 0)
-    portion = np.cumsum(sizes[used]) // most
+    portion = np.cumsum(sizes[used]) // max_pixels
     for rows in np.split(used, np.flatnonzero(np.diff(portion)) + 1):
         if len(rows):
             yield rows

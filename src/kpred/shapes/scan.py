@@ -38,7 +38,7 @@ _ALWAYS_DENSE = 1_000_000
 _COARSE_STEP = 0.01
 
 # Sizes whose squares single precision cannot hold; no unit of length makes an object so small or so large.
-_SMALLEST, _LARGEST = 1e-18, 1e18
+_MIN_EXTENT, _MAX_EXTENT = 1e-18, 1e18
 
 # Width over length (as standard deviations) below which points count as lying on one line.
 _LINE = 1e-4
@@ -80,7 +80,7 @@ def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int
     if extension not in SCAN_EXTENSIONS:
         raise ScanError(f"{file}: unknown scan extension {extension!r}; convert it to {', '.join(SCAN_EXTENSIONS)}.")
     with reading(file, ScanError):
-        points = _thinned(_blocks(file, extension, max_points, seed), max_points, seed, str(file))
+        points = _sampled(_blocks(file, extension, max_points, seed), max_points, seed, str(file))
         found = check_points(points, str(file))
     _report_coarse_steps(found, str(file))
     return found
@@ -119,7 +119,7 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
     low, high = array.min(axis=0), array.max(axis=0)
     with np.errstate(over="ignore"):
         extent = float((high - low).max())
-        if not _SMALLEST < extent < _LARGEST:
+        if not _MIN_EXTENT < extent < _MAX_EXTENT:
             size = "large" if extent > 1 else "small"
             raise ScanError(f"{name}: its coordinates are too {size} to be a scan; check its unit.")
     centred = (array - (low / 2 + high / 2)) / extent
@@ -134,7 +134,7 @@ def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
 
 
 def _report_invalid(finite: int, total: int, name: str) -> None:
-    """Refuse points of which too few are finite; warn where more than half are not, as rays without a hit are."""
+    """Refuse a scan with too few finite points; warn when more than half are not finite."""
     if finite == total:
         return
     if finite < MINIMUM_POINTS:
@@ -177,8 +177,8 @@ def _blocks(file: Path, extension: str, max_points: int, seed: int) -> Iterable[
     return _mesh_blocks(read_geometry(file), str(file), max_points, seed)
 
 
-def _thinned(blocks: Iterable[np.ndarray], count: int, seed: int, name: str) -> np.ndarray:
-    """At most ``count`` finite points of all blocks, each choice equally likely, in their order.
+def _sampled(blocks: Iterable[np.ndarray], count: int, seed: int, name: str) -> np.ndarray:
+    """Sample at most ``count`` finite points of all blocks uniformly, in their order.
 
     Every point draws a random key and those with the smallest keys stay: one pass, and never more than about three
     times ``count`` points in memory.
@@ -240,7 +240,7 @@ def _is_dense(vertices: int, areas: np.ndarray, longest: np.ndarray, diagonal: f
 
 
 def _surface_samples(vertices: np.ndarray, faces: np.ndarray, areas: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """(count, 3) points, uniform by area over the surface; float64, so far-away coordinates keep their precision."""
+    """Sample points (count, 3) float64, uniform by area over the surface."""
     generator = np.random.default_rng([seed, 1])
     cumulative = np.cumsum(areas)
     drawn = np.searchsorted(cumulative, generator.random(count) * cumulative[-1], side="right")

@@ -42,7 +42,7 @@ def open_shapes(
     split: str | None = None,
     report: Callable[[str], None] = _warn,
 ) -> Iterator[Shape]:
-    """Yield the shapes of a mesh pack (.npz), a folder of packs or of mesh files, or a manifest, one at a time.
+    """Yield the shapes of a mesh pack (.npz), a folder of packs or mesh files, or a manifest.
 
     A manifest (`kpred.shapes.manifest`) is a .csv, .json or .parquet file, or `manifest.csv` and the like in the
     folder; meshes are rotated and scaled as it says.
@@ -95,7 +95,7 @@ def _of_pack(pack: MeshPack, category: str | None, split: str | None, report: Ca
 
 
 def _of_manifest(file: Path, category: str | None, split: str | None, report: Callable[[str], None]) -> Iterator[Shape]:
-    """Rows without a category are of the one asked for; rows without a split are `source`."""
+    """Yield shapes of a manifest; rows without a category get `category`, rows without a split `source`."""
     from kpred.shapes.mesh_io import read_mesh
 
     for row in read_manifest(file):

@@ -21,7 +21,7 @@ _BOX_FACES = np.array(
     ]
 )
 # A sweep is boxed in one piece up to this bend; more would turn a bent tube into a solid block.
-_LARGEST_BEND = 40.0
+_MAX_BEND = 40.0
 
 
 def assemble(parts: Sequence[Part], name: str = "", labels: Sequence[str] | None = None) -> Mesh:
@@ -44,17 +44,17 @@ def assemble(parts: Sequence[Part], name: str = "", labels: Sequence[str] | None
 
 
 def part_labels(parts: Sequence[Part]) -> tuple[str, ...]:
-    """The different labels of these parts in alphabetical order."""
+    """Return the distinct labels of these parts, sorted."""
     return tuple(sorted({part.label for part in parts}))
 
 
 def cuboid_parts(parts: Sequence[Part]) -> list[Part]:
-    """Every part replaced by its box along its own axes; bent sweeps become one box for each nearly straight run."""
+    """Replace every part by its box along its own axes; bent sweeps get a box per nearly straight run."""
     return [_bounding_box(points, axes, part.label) for part in parts for points, axes in _straight_runs(part)]
 
 
 def cuboid_mesh(parts: Sequence[Part], name: str = "") -> Mesh:
-    """`assemble` of the parts' cuboids (`cuboid_parts`)."""
+    """Assemble the parts' cuboids (`cuboid_parts`)."""
     return assemble(cuboid_parts(parts), name)
 
 
@@ -83,7 +83,7 @@ def _straight_runs(part: Part) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     steps = steps / lengths[:, None]
     first = 0
     for k in range(1, len(steps) + 1):
-        straight = k < len(steps) and np.degrees(np.arccos(np.clip(steps[k] @ steps[first], -1, 1))) < _LARGEST_BEND
+        straight = k < len(steps) and np.degrees(np.arccos(np.clip(steps[k] @ steps[first], -1, 1))) < _MAX_BEND
         if straight:
             continue
         if first == 0 and k == len(steps):

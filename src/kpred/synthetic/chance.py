@@ -11,29 +11,29 @@ T = TypeVar("T")
 
 
 def pick(rng: np.random.Generator, options: Sequence[T], weights: Sequence[float | int] | None = None) -> T:
-    """One of `options`, with the probabilities `weights` / sum(weights), or all alike."""
+    """Draw one of `options`, with the probabilities `weights` / sum(weights), or uniformly."""
     if weights is None:
         return options[int(rng.integers(len(options)))]
-    shares = np.asarray(weights, dtype=np.float64)
-    return options[int(rng.choice(len(options), p=shares / shares.sum()))]
+    fractions = np.asarray(weights, dtype=np.float64)
+    return options[int(rng.choice(len(options), p=fractions / fractions.sum()))]
 
 
 def happens(rng: np.random.Generator, probability: float) -> bool:
-    """True with the given probability."""
+    """Draw True with the given probability."""
     return bool(rng.random() < probability)
 
 
 def between(rng: np.random.Generator, low: float | int, high: float | int) -> float:
-    """A uniform number in [low, high)."""
+    """Draw a uniform number in [low, high)."""
     return float(rng.uniform(low, high))
 
 
 def whole(rng: np.random.Generator, low: int, high: int) -> int:
-    """A uniform whole number, `low` and `high` included."""
+    """Draw a uniform whole number, `low` and `high` included."""
     return int(rng.integers(low, high + 1))
 
 
-def shares(rng: np.random.Generator, count: int, unevenness: float = 0.0) -> list[float]:
-    """`count` positive numbers with sum 1; each is off the equal share by up to the fraction `unevenness`."""
+def fractions(rng: np.random.Generator, count: int, unevenness: float = 0.0) -> list[float]:
+    """Draw `count` positive numbers with sum 1, each within the fraction `unevenness` of 1 / count."""
     weights = 1.0 + unevenness * rng.uniform(-1.0, 1.0, size=count)
     return [float(weight) for weight in weights / weights.sum()]

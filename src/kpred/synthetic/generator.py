@@ -21,7 +21,7 @@ _HOME = {
     "cabinet": ("cabinet.cabinet", "CABINET_FAMILIES"),
     "other": ("others.others", "OTHER_FAMILIES"),
 }
-_SOURCE_SHARE, _TRAIN_SHARE = 0.15, 0.70
+_SOURCE_FRACTION, _TRAIN_FRACTION = 0.15, 0.70
 
 
 class _Families(Mapping[str, dict[str, Family]]):
@@ -62,9 +62,9 @@ def generate(
         raise ConfigError(f"there is no generator for '{category}'; choose one of {', '.join(FAMILIES)}")
     if count < 0 or seed < 0:
         raise ConfigError(f"count and seed must not be negative, but are {count} and {seed}")
-    for kind, share in (("cuboid", cuboids), ("coarse", coarse)):
-        if not 0.0 <= share <= 1.0:
-            raise ConfigError(f"the share of {kind} shapes must lie in [0, 1], but is {share}")
+    for kind, fraction in (("cuboid", cuboids), ("coarse", coarse)):
+        if not 0.0 <= fraction <= 1.0:
+            raise ConfigError(f"the share of {kind} shapes must lie in [0, 1], but is {fraction}")
     if coarse and category == "other":
         raise ConfigError("there are no coarse shapes of 'other'; leave their share at 0")
     names = list(FAMILIES[category])
@@ -101,23 +101,23 @@ def generate(
 
 
 def build(category: str, family: str, seed: int | list[int]) -> list[Part]:
-    """Parts of one shape of a family, coarse or not; equal seeds give equal shapes."""
+    """Build the parts of one shape of a family, coarse or not; equal seeds give equal shapes."""
     families: Mapping[str, Family] = FAMILIES[category]
     if family not in families:
         families = import_module("kpred.synthetic.coarse.coarse").COARSE_FAMILIES[category]
     return families[family](np.random.default_rng(seed))
 
 
-def _coarse_or(family: str, category: str, seed: list[int], share: float) -> str:
-    """A coarse family's name with the probability `share`, else the given one."""
+def _coarse_or(family: str, category: str, seed: list[int], fraction: float) -> str:
+    """Draw a coarse family's name with the probability `fraction`, else return the given one."""
     rng = np.random.default_rng(seed)
-    if rng.random() >= share:
+    if rng.random() >= fraction:
         return family
     name: str = import_module("kpred.synthetic.coarse.coarse").any_coarse_family(category, rng)
     return name
 
 
 def _split_of(lot: float) -> str:
-    if lot < _SOURCE_SHARE:
+    if lot < _SOURCE_FRACTION:
         return "source"
-    return "train" if lot < _SOURCE_SHARE + _TRAIN_SHARE else "val"
+    return "train" if lot < _SOURCE_FRACTION + _TRAIN_FRACTION else "val"

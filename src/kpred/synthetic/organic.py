@@ -15,14 +15,14 @@ from kpred.synthetic.parts import ellipse, lathe, loft, sweep
 from kpred.synthetic.paths import bezier
 
 
-def turned(part: Part, rotation: np.ndarray, offset: Vector = (0.0, 0.0, 0.0)) -> Part:
-    """The part turned about the origin by a matrix (3, 3), then shifted by `offset`."""
+def rotated(part: Part, rotation: np.ndarray, offset: Vector = (0.0, 0.0, 0.0)) -> Part:
+    """Rotate the part about the origin by a matrix (3, 3), then shift it by `offset`."""
     moved = part.vertices @ rotation.T + np.asarray(offset, dtype=np.float64)
     return replace(part, vertices=moved, axes=part.axes @ rotation.T)
 
 
 def ellipsoid(radii: Vector, center: Vector, label: str, sides: int = 12, rings: int = 8) -> Part:
-    """Axis-aligned ellipsoid with the half axes `radii` (3,)."""
+    """Build an axis-aligned ellipsoid with the half axes `radii` (3,)."""
     angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, rings + 1)
     ball = lathe(np.column_stack([np.cos(angles), np.sin(angles)]), (0.0, 0.0, 0.0), label, sides)
     return ball.scaled(radii).moved(center)
@@ -41,13 +41,13 @@ def capsule(start: Vector, end: Vector, radius: Number, label: str, end_radius: 
         ]
     )
     bar = lathe(profile, (0.0, 0.0, 0.0), label, sides=10)
-    return turned(bar, rotation_between((0.0, 1.0, 0.0), last - first), first)
+    return rotated(bar, rotation_between((0.0, 1.0, 0.0), last - first), first)
 
 
 def bumpy_ball(
     rng: np.random.Generator, radii: Vector, center: Vector, label: str, bump: Number = 0.3, waves: int = 6
 ) -> Part:
-    """Ellipsoid whose surface swells and sinks in `waves` smooth random waves, by up to about `bump` of its radius."""
+    """Build an ellipsoid with `waves` smooth random waves, up to about `bump` of its radius."""
     ball = ellipsoid((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), label, sides=20, rings=14)
     directions = ball.vertices
     swell = np.zeros(len(directions))
@@ -66,7 +66,7 @@ def leaf(start: Vector, tip: Vector, width: Number, droop: Number, label: str = 
 
 
 def ring(radius: Number, thickness: Number, center: Vector, label: str, sides: int = 24) -> Part:
-    """Upright tyre in the x-y plane: a bar of round section, `thickness` across, on a circle of `radius`."""
+    """Build an upright tyre in the x-y plane: a bar of round section, `thickness` across, on a circle of `radius`."""
     angles = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     path = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)]) * radius
     return sweep(ellipse(thickness, thickness, 6), path, label).moved(center)

@@ -8,7 +8,7 @@ from kpred.synthetic.part import Number
 
 
 def rounded_rectangle(width: Number, depth: Number, radius: Number, segments: int = 4) -> np.ndarray:
-    """Outline (4 * (segments + 1), 2) of a rectangle about the origin with corners of `radius`.
+    """Return the outline (4 * (segments + 1), 2) of a rectangle about the origin with corners of `radius`.
 
     A radius of zero gives the four plain corners; radii above half of the smaller side are cut to it.
     """
@@ -24,7 +24,7 @@ def rounded_rectangle(width: Number, depth: Number, radius: Number, segments: in
 
 
 def ellipse(width: Number, depth: Number, segments: int = 24) -> np.ndarray:
-    """Outline (segments, 2) of an ellipse about the origin with the full axes `width` (x) and `depth` (z)."""
+    """Return the outline (segments, 2) of an ellipse about the origin with full axes `width` (x) and `depth` (z)."""
     angles = 2.0 * np.pi * np.arange(segments) / segments
     return np.column_stack([np.cos(angles) * width / 2.0, np.sin(angles) * depth / 2.0])
 
@@ -34,13 +34,13 @@ def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
 
 
 def signed_area(outline: np.ndarray) -> float:
-    """Area of a simple outline (M, 2), positive when it runs counter-clockwise."""
+    """Compute the area of a simple outline (M, 2), positive when it runs counter-clockwise."""
     x, y = outline[:, 0], outline[:, 1]
     return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
 def triangulate(outline: np.ndarray) -> np.ndarray:
-    """Triangles (M - 2, 3) of a simple outline (M, 2) that turn the way the outline does; ears are clipped."""
+    """Triangulate a simple outline (M, 2) to (M - 2, 3) of the same winding, by clipping ears."""
     order = list(range(len(outline)))
     points = outline if signed_area(outline) > 0.0 else outline * np.array([-1.0, 1.0])
     turns = [_cross(points[i - 1], points[i], points[(i + 1) % len(points)]) for i in order]

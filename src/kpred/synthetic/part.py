@@ -18,7 +18,7 @@ def _identity() -> np.ndarray:
 
 
 def rotation_matrix(axis: str | Vector, degrees: Number) -> np.ndarray:
-    """Right-handed rotation (3, 3) by `degrees` about `axis` ("x", "y", "z" or a vector)."""
+    """Return the right-handed rotation (3, 3) by `degrees` about `axis` ("x", "y", "z" or a vector)."""
     direction = np.asarray(_AXES[axis] if isinstance(axis, str) else axis, dtype=np.float64)
     x, y, z = direction / np.linalg.norm(direction)
     angle = np.radians(degrees)
@@ -27,7 +27,7 @@ def rotation_matrix(axis: str | Vector, degrees: Number) -> np.ndarray:
 
 
 def rotation_between(source: Vector, target: Vector) -> np.ndarray:
-    """Smallest rotation (3, 3) that turns the direction `source` into `target`."""
+    """Return the smallest rotation (3, 3) of the direction `source` to `target`."""
     a = np.asarray(source, dtype=np.float64)
     b = np.asarray(target, dtype=np.float64)
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
@@ -58,25 +58,25 @@ class Part:
     ring: int = 0
 
     def moved(self, offset: Vector) -> Part:
-        """The part shifted by `offset` (3,)."""
+        """Shift the part by `offset` (3,)."""
         return replace(self, vertices=self.vertices + np.asarray(offset, dtype=np.float64))
 
     def rotated(self, axis: str | Vector, degrees: Number, center: Vector = (0.0, 0.0, 0.0)) -> Part:
-        """The part turned right-handed about the line through `center` along `axis` ("x", "y", "z" or a vector)."""
+        """Rotate the part by degrees about the line through `center` along `axis` ("x", "y", "z", vector)."""
         turn = rotation_matrix(axis, degrees)
         pivot = np.asarray(center, dtype=np.float64)
         return replace(self, vertices=(self.vertices - pivot) @ turn.T + pivot, axes=self.axes @ turn.T)
 
     def scaled(self, factors: Number | Vector) -> Part:
-        """The part scaled about the origin; `factors` is one positive number or three."""
+        """Scale the part about the origin; `factors` is one positive number or three."""
         scale = np.broadcast_to(np.asarray(factors, dtype=np.float64), (3,))
         return replace(self, vertices=self.vertices * scale)
 
     def mirrored_x(self) -> Part:
-        """The mirror image at the plane x = 0, with winding kept outward."""
+        """Mirror the part at the plane x = 0, with winding kept outward."""
         flip = np.array([-1.0, 1.0, 1.0])
         return replace(self, vertices=self.vertices * flip, faces=self.faces[:, ::-1].copy(), axes=self.axes * flip)
 
     def relabelled(self, label: str) -> Part:
-        """The same part under another label."""
+        """Return the same part under another label."""
         return replace(self, label=label)

@@ -46,7 +46,7 @@ def _circle(sides: int) -> np.ndarray:
 
 
 def loft(rings: np.ndarray, label: str, cap: np.ndarray | None = None, axes: np.ndarray | None = None) -> Part:
-    """Skin over rings (K, M, 3) of equal vertex count, closed at both ends.
+    """Build a skin over rings (K, M, 3) of equal vertex count, closed at both ends.
 
     `cap` (T, 3) triangulates one ring (a fan from its first vertex by default). The part's `ring` is M.
     """
@@ -74,7 +74,7 @@ def loft(rings: np.ndarray, label: str, cap: np.ndarray | None = None, axes: np.
 
 
 def box(size: Vector, center: Vector, label: str) -> Part:
-    """Axis-aligned box of `size` (width, height, depth) about `center`."""
+    """Build an axis-aligned box of `size` (width, height, depth) about `center`."""
     width, height, depth = _vector(size)
     x, y, z = _vector(center)
     half = height / 2.0
@@ -82,7 +82,7 @@ def box(size: Vector, center: Vector, label: str) -> Part:
 
 
 def frustum(bottom_size: Vector, top_size: Vector, bottom_center: Vector, top_center: Vector, label: str) -> Part:
-    """Hexahedron between two horizontal rectangles (width x, depth z): tapered and splayed legs."""
+    """Build a hexahedron between two horizontal rectangles (width x, depth z): tapered and splayed legs."""
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     rings = []
     for size, center in ((bottom_size, bottom_center), (top_size, top_center)):
@@ -105,7 +105,7 @@ def cylinder(
 
 
 def lathe(profile: Sequence[Vector] | np.ndarray, center: Vector, label: str, sides: int = 16) -> Part:
-    """Turned part about a vertical axis; `profile` (K, 2) holds (radius, height) from below, heights over `center`."""
+    """Build a solid of revolution about y; `profile` (K, 2) holds (radius, height) from below."""
     rows = np.asarray(profile, dtype=np.float64)
     plan = _circle(sides)
     # A radius of zero would leave triangles without area.
@@ -120,7 +120,7 @@ def lathe(profile: Sequence[Vector] | np.ndarray, center: Vector, label: str, si
 
 
 def sweep(section: np.ndarray, path: np.ndarray, label: str, scales: Vector | None = None) -> Part:
-    """Section (M, 2) carried along an open path (N, 3) in parallel-transport frames, capped at both ends.
+    """Sweep a section (M, 2) along an open path (N, 3), capped at both ends.
 
     The section's first coordinate starts horizontal (across the path), its second one as near to +y as the path
     allows (to -z for a path that starts vertical). `scales` (N,) resizes the section along the path. Sections are
@@ -159,7 +159,7 @@ def sweep(section: np.ndarray, path: np.ndarray, label: str, scales: Vector | No
 
 
 def beam(start: Vector, end: Vector, width: Number, depth: Number, label: str) -> Part:
-    """Straight bar of rectangular section; `width` is across (horizontal), `depth` along the section's other side.
+    """Build a straight bar of rectangular section; `width` is horizontal, `depth` the other side.
 
     For an upright bar `width` lies along x and `depth` along z.
     """
@@ -171,7 +171,7 @@ def beam(start: Vector, end: Vector, width: Number, depth: Number, label: str) -
 
 
 def slab(outline: np.ndarray, bottom: Number, thickness: Number, label: str) -> Part:
-    """Flat board of simple outline (M, 2) in the x-z plane, from height `bottom` up to `bottom + thickness`."""
+    """Build a flat board of simple outline (M, 2) in x-z, from height `bottom` to `bottom + thickness`."""
     plan = _vector(outline)
     rings = np.stack(
         [np.column_stack([plan[:, 0], np.full(len(plan), y), plan[:, 1]]) for y in (bottom, bottom + thickness)]
@@ -180,7 +180,7 @@ def slab(outline: np.ndarray, bottom: Number, thickness: Number, label: str) -> 
 
 
 def cushion(size: Vector, center: Vector, label: str, radius: Number = 0.04, segments: int = 2) -> Part:
-    """Upholstered block of outer `size` about `center` with rounded edges."""
+    """Build an upholstered block of outer `size` about `center` with rounded edges."""
     width, height, depth = _vector(size)
     radius = min(radius, 0.49 * width, 0.49 * depth, 0.49 * height)
     rings = []
@@ -204,7 +204,7 @@ def curved_panel(
     label: str,
     segments: int = 8,
 ) -> Part:
-    """Upright panel about `center`, facing +z.
+    """Build an upright panel about `center`, facing +z.
 
     `bow`: metres by which the middle lies behind the two side edges (negative bulges to the front).
     `lean`: degrees by which the top tips to the back (-z) about the panel's centre.

@@ -25,7 +25,7 @@ def rounded_path(corners: np.ndarray | Sequence[Vector], radius: Number, segment
 
 
 def bezier(start: Vector, control: Vector, end: Vector, segments: int = 8) -> np.ndarray:
-    """Quadratic Bezier curve as a polyline (segments + 1, 3)."""
+    """Return a quadratic Bezier curve as a polyline (segments + 1, 3)."""
     a, b, c = (np.asarray(point, dtype=np.float64) for point in (start, control, end))
     t = np.linspace(0.0, 1.0, segments + 1)[:, None]
     return (1 - t) ** 2 * a + 2 * t * (1 - t) * b + t**2 * c
@@ -34,7 +34,7 @@ def bezier(start: Vector, control: Vector, end: Vector, segments: int = 8) -> np
 def arc(
     center: Vector, radius_x: Number, radius_z: Number, first: Number, last: Number, segments: int = 12
 ) -> np.ndarray:
-    """Horizontal elliptic arc (segments + 1, 3); angles in degrees from +x towards +z."""
+    """Return a horizontal elliptic arc (segments + 1, 3); angles in degrees from +x towards +z."""
     angles = np.radians(np.linspace(first, last, segments + 1))
     plan = np.column_stack([radius_x * np.cos(angles), np.zeros(segments + 1), radius_z * np.sin(angles)])
     return plan + np.asarray(center, dtype=np.float64)

@@ -45,7 +45,7 @@ class TrainedRuns:
 
 
 def parts_of(network: KPRed, stage: str) -> dict[str, Tensor]:
-    """Weights of the parts that a stage learns, on the CPU."""
+    """Return the weights that a stage learns, on the CPU."""
     return {
         f"{part}.{key}": value.detach().cpu().contiguous()
         for part in STAGES[stage]
@@ -114,12 +114,12 @@ def read_runs(file: Path) -> TrainedRuns:
 
 
 def steps_of(config: TrainConfig) -> dict[str, int]:
-    """Steps of each stage."""
+    """Return the steps of each stage."""
     return {stage: getattr(config, stage).steps for stage in STAGES}
 
 
 def _distinct(tensors: dict[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, list[str]]]:
-    """Each content once, under its first name, and the other names of it: what is not trained is the same in many."""
+    """Return each distinct tensor under its first name, and the other names of it."""
     first: dict[bytes, str] = {}
     kept: dict[str, Tensor] = {}
     same: dict[str, list[str]] = {}

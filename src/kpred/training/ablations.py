@@ -52,7 +52,7 @@ class Ablation:
     partial: bool = False
 
     def changed(self, config: ModelConfig) -> ModelConfig:
-        """The same architecture with this row's parts."""
+        """Return the same architecture with this row's parts."""
         return dataclasses.replace(
             config, self_attention=self.gsa, deformation_aware=self.dar, local_global=self.lgf, confidence=self.cb
         )
@@ -75,7 +75,7 @@ ROWS = {row.name: row for row in (*FULL_ROWS, *PARTIAL_ROWS)}
 
 
 def rows_named(names: Sequence[str]) -> tuple[Ablation, ...]:
-    """Rows by name, each once, in the order of the paper.
+    """Return rows by name, each once, in the order of the paper.
 
     Raises:
         ConfigError: there is no row of a name, or no name.
@@ -92,7 +92,7 @@ def deformation_run(row: Ablation) -> str:
 
 
 def recorded_training(folder: Path, rows: Sequence[Ablation]) -> tuple[TrainConfig, str | None]:
-    """The settings and `source_split` by which the rows below a category's folder were trained.
+    """Read the settings and `source_split` of the training of rows below a category's folder.
 
     Rows that are not there, or not trained to the end, do not count.
 
@@ -135,7 +135,7 @@ class AblationRuns:
         progress: Progress | None = None,
         report: StepReport | None = None,
     ) -> None:
-        """`data_hash` tells apart what the packs hold; `model` has the settings that all rows share."""
+        """Prepare runs; `data_hash`: of the packs' content; `model`: settings that all rows share."""
         self.packs, self.model, self.config, self.folder = list(packs), model, config, folder
         self.facts = {"data": data_hash, "source_split": source_split, "training": config.to_dict()}
         self.device, self.source_split = device, source_split
@@ -143,13 +143,13 @@ class AblationRuns:
         self._data: TrainingData | None = None
 
     def finished(self, row: Ablation) -> bool:
-        """Whether a row's weights are there, trained to the end by these settings."""
+        """Test whether a row's weights exist, trained to the end by these settings."""
         record = _read_record(self.folder / row.name)
         whole = (self.folder / row.name / "model" / WEIGHTS_FILE).is_file()
         return whole and record is not None and record.get("finished") is True and not self._changed(row, record)
 
     def weights(self, row: Ablation) -> Path:
-        """Folder of a row's weights; trains what is missing.
+        """Return the folder of a row's weights; trains missing ones.
 
         Raises:
             CheckpointError: a folder holds a run by other settings, or a damaged checkpoint.
@@ -220,11 +220,11 @@ class AblationRuns:
                     save_network(network, folder / "model")
                 return network.eval()
 
-        def told(name: str, step: int, total: int, losses: dict[str, float]) -> None:
+        def report_step(name: str, step: int, total: int, losses: dict[str, float]) -> None:
             if self.report is not None:
                 self.report(f"{self.model.category} {row.name}: {name}", step, total, losses)
 
-        train_stage(network, self._prepared(network), self.config, stage, folder, report=told)
+        train_stage(network, self._prepared(network), self.config, stage, folder, report=report_step)
         return network.eval()
 
     def _prepared(self, network: KPRed) -> TrainingData:
@@ -260,7 +260,7 @@ class AblationRuns:
                 temporary.write_text(json.dumps(values, indent=2) + "\n")
 
     def _changed(self, row: Ablation, record: dict[str, Any]) -> list[str]:
-        """Names of the settings in which a record differs from this run."""
+        """Return the names of settings in which a record differs from this run."""
         found = []
         for key, value in self._facts(row).items():
             other = record.get(key)
@@ -277,7 +277,7 @@ class AblationRuns:
 
 
 def _read_record(folder: Path) -> dict[str, Any] | None:
-    """The record of a run; None where there is none.
+    """Read the record of a run; None without one.
 
     Raises:
         CheckpointError: it is damaged.

@@ -22,7 +22,7 @@ RESOLUTION = 48
 
 
 def in_full_precision(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The same function with autocast off: clouds are not to be rounded when networks are."""
+    """Wrap a function to run without autocast, so that clouds are not rounded."""
 
     @functools.wraps(draw)
     def exact(*args: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -33,7 +33,7 @@ def in_full_precision(draw: Callable[Arguments, Result]) -> Callable[Arguments, 
 
 
 def random_factors(count: int, stretch: float, generator: torch.Generator) -> Float[Tensor, "count 1 3"]:
-    """Factors per axis, up to `stretch` or down to its inverse; half of the clouds are mirrored left to right."""
+    """Draw factors per axis, up to `stretch` or down to its inverse; half of the clouds are mirrored."""
     options: dict[str, Any] = {"generator": generator, "device": generator.device}
     factors = stretch ** (2 * torch.rand(count, 1, 3, **options) - 1)
     mirror = 1 - 2 * torch.randint(0, 2, (count, 1, 1), **options).float()
@@ -41,13 +41,13 @@ def random_factors(count: int, stretch: float, generator: torch.Generator) -> Fl
 
 
 def box_of(clouds: Float[Tensor, "batch points 3"]) -> tuple[Float[Tensor, "batch 1 3"], Float[Tensor, "batch 1 1"]]:
-    """Middle of each cloud's box, and half of its longest side."""
+    """Return the middle of each cloud's box, and half of its longest side."""
     low, high = clouds.amin(1, keepdim=True), clouds.amax(1, keepdim=True)
     return (low + high) / 2, (high - low).amax(2, keepdim=True) / 2
 
 
 def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch points 3"]:
-    """Each cloud centred on its box and divided by its largest absolute coordinate."""
+    """Return centre each cloud on its box and divide it by its largest absolute coordinate."""
     middle, half = box_of(clouds)
     return (clouds - middle) / half
 
@@ -55,12 +55,12 @@ def to_unit_box(clouds: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch
 def random_views(
     clouds: Float[Tensor, "batch dense 3"], count: int, generator: torch.Generator
 ) -> Float[Tensor, "batch count 3"]:
-    """What a depth camera sees of dense clouds from random sides, from a little below their middle to steeply above.
+    """Render dense clouds by depth cameras from random sides, slightly below to steeply above.
 
     Points in random order, repeated where less than `count` are seen; frame and unit of the clouds, y up.
     """
-    turn, rise, far = torch.rand(3, len(clouds), generator=generator, device=clouds.device)
-    azimuth, elevation, distance = 2 * math.pi * turn, torch.deg2rad(-5 + 60 * rise), 2.5 + 3 * far
+    angle, rise, far = torch.rand(3, len(clouds), generator=generator, device=clouds.device)
+    azimuth, elevation, distance = 2 * math.pi * angle, torch.deg2rad(-5 + 60 * rise), 2.5 + 3 * far
     level = distance * elevation.cos()
     place = torch.stack([level * azimuth.sin(), distance * elevation.sin(), level * azimuth.cos()], dim=1)
     middle, half = box_of(clouds)
@@ -78,7 +78,7 @@ def random_views(
 def random_slices(
     clouds: Float[Tensor, "batch points 3"], occlusion: tuple[float, float], generator: torch.Generator
 ) -> Float[Tensor, "batch points 3"]:
-    """What is left when a random plane hides a random share of each cloud (the paper's slicing); points repeat."""
+    """Hide a random fraction of each cloud behind a random plane (the paper's slicing); points repeat."""
     low, high = occlusion
     ratio = low + (high - low) * torch.rand(len(clouds), generator=generator, device=clouds.device)
     normal = random_directions(len(clouds), generator, clouds.device)
@@ -90,7 +90,7 @@ def random_slices(
 def disturbed(
     seen: Float[Tensor, "batch points 3"], noise: float, outliers: float, generator: torch.Generator
 ) -> Float[Tensor, "batch points 3"]:
-    """Jitter, and stray points anywhere near the visible part; how much differs from cloud to cloud.
+    """Add jitter, and stray points near the visible part; amounts differ from cloud to cloud.
 
     `noise` (unit of the clouds) and `outliers` (share of the points) are the most that a cloud gets.
     """
@@ -99,12 +99,12 @@ def disturbed(
     seen = seen + noise * level * torch.randn(seen.shape, **options)
     middle, half = box_of(seen)
     stray = middle + half * (2.4 * torch.rand(seen.shape, **options) - 1.2)
-    share = outliers * torch.rand(len(seen), 1, 1, **options)
-    return torch.where(torch.rand(*seen.shape[:2], 1, **options) < share, stray, seen)
+    fraction = outliers * torch.rand(len(seen), 1, 1, **options)
+    return torch.where(torch.rand(*seen.shape[:2], 1, **options) < fraction, stray, seen)
 
 
 def yaw_matrices(angle: Float[Tensor, " batch"]) -> Float[Tensor, "batch 3 3"]:
-    """Rotations about +y that take +z towards +x, for column vectors; a cloud of rows is turned by `cloud @ R^T`."""
+    """Return rotations about +y that take +z towards +x, for column vectors; rows rotate by `cloud @ R^T`."""
     zero, one, c, s = torch.zeros_like(angle), torch.ones_like(angle), angle.cos(), angle.sin()
     rows = [torch.stack(row, dim=1) for row in ((c, zero, s), (zero, one, zero), (-s, zero, c))]
     return torch.stack(rows, dim=1)

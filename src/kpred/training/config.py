@@ -108,12 +108,12 @@ class TrainConfig:
             raise ConfigError(f"Occlusion must be two shares in [0, 1), low then high, but is {self.occlusion}.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for checkpoints and records."""
+        """Return plain values for checkpoints and records."""
         return dataclasses.asdict(self)
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TrainConfig:
-        """The config written by `to_dict`.
+        """Return the config written by `to_dict`.
 
         Raises:
             ConfigError: if a setting is unknown or has an impossible value.

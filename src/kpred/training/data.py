@@ -54,7 +54,7 @@ class TrainingData:
     def draw_targets(
         self, count: int, points: int, stretch: float, generator: torch.Generator
     ) -> Float[Tensor, "count points 3"]:
-        """Random targets: fresh points from the pool, mirrored and stretched at random, in their own unit boxes."""
+        """Draw targets: fresh points from the pool, mirrored and stretched at random, in own unit boxes."""
         chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
         clouds = self.clouds(chosen, points, generator)
         return to_unit_box(clouds * random_factors(count, stretch, generator)) if stretch > 1 else clouds
@@ -62,7 +62,7 @@ class TrainingData:
     def draw_scanned_targets(
         self, count: int, points: int, stretch: float, generator: torch.Generator
     ) -> tuple[Float[Tensor, "count points 3"], Float[Tensor, "count points 3"]]:
-        """Random targets as in `draw_targets`, each with what a depth camera sees of it, in the target's unit box."""
+        """Draw targets as `draw_targets`, each with its depth view, in the target's unit box."""
         chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
         dense = self.pool[chosen].float() * random_factors(count, stretch, generator)
         scans, clouds = random_views(dense, points, generator), self._block(dense, points, generator)
@@ -70,7 +70,7 @@ class TrainingData:
         return (clouds - middle) / half, (scans - middle) / half
 
     def clouds(self, rows: Tensor, points: int, generator: torch.Generator) -> Float[Tensor, "count points 3"]:
-        """Fresh points of the shapes of these rows of the pool."""
+        """Draw fresh points of the shapes of these rows of the pool."""
         return self._block(self.pool[rows], points, generator).float()
 
     def _block(self, dense: Tensor, points: int, generator: torch.Generator) -> Tensor:
@@ -80,7 +80,7 @@ class TrainingData:
         return torch.gather(dense, 1, pick[..., None].expand(-1, -1, 3))
 
     def draw_sources(self, count: int, generator: torch.Generator) -> Tensor:
-        """Random rows of `points`, `cages` and `weights`."""
+        """Draw random rows of `points`, `cages` and `weights`."""
         return _integers(len(self.sources), count, generator, self.device)
 
 
@@ -158,7 +158,7 @@ def _cages(
     batch: int,
     progress: Progress | None,
 ) -> tuple[Tensor, Tensor]:
-    """Cages of the sources and their points' coordinates, as `TrainingData` has them."""
+    """Compute cages of the sources and their points' coordinates, as `TrainingData` has them."""
     faces = icosphere(network.config.cage_subdivisions)[1].to(pool.device)
     cages: list[Tensor] = []
     weights: list[Tensor] = []
@@ -174,7 +174,7 @@ def _cages(
 
 
 def _with_vertices(cloud: Tensor, vertices: Tensor, count: int = 1024) -> Tensor:
-    """The cloud with its last points replaced by up to `count` of the mesh's vertices, spread over their order."""
+    """Replace a cloud's last points by up to `count` of the mesh's vertices, evenly chosen."""
     step = max(1, -(-len(vertices) // count))
     corners = vertices[::step]
     return torch.cat([cloud[: len(cloud) - len(corners)], corners])

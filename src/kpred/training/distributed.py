@@ -33,21 +33,21 @@ _STRIDE = 0x9E3779B1
 """Between the seeds of two processes: odd and large, so that no small seed of another run comes near."""
 
 
-class StoppedElsewhereError(KpredError):
+class OtherProcessFailedError(KpredError):
     """Another process of the training has failed, and says why."""
 
 
-class LostError(StoppedElsewhereError):
+class ProcessLostError(OtherProcessFailedError):
     """Another process of the training has died."""
 
 
-class StopTogether(KeyboardInterrupt):
-    """All processes stop after the same step, because one of them was asked to."""
+class StopAllProcesses(KeyboardInterrupt):
+    """Raised in all processes after the same step, when one of them was interrupted."""
 
 
 @dataclass
 class World:
-    """The processes of one training; the default is one process alone, for which everything here does nothing.
+    """The processes of one training; with one process, all methods do nothing.
 
     Attributes:
         rank: number of this process; 0 is the one that writes.
@@ -56,7 +56,7 @@ class World:
 
     rank: int = 0
     size: int = 1
-    _asked: bool = False
+    _stop_requested: bool = False
 
     @property
     def is_first(self) -> bool:
@@ -64,42 +64,42 @@ class World:
         return self.rank == 0
 
     @property
-    def alone(self) -> bool:
+    def is_single(self) -> bool:
         """Whether there are no others."""
         return self.size == 1
 
     def seed(self, base: int) -> int:
-        """The seed of this process's random stream; the first one's is `base`."""
+        """Return the seed of this process's random stream; the first one's is `base`."""
         return base if self.is_first else (base + self.rank * _STRIDE) % 2**63
 
     def agree(self) -> None:
         """Wait for all processes.
 
         Raises:
-            StopTogether: one was interrupted (`interruptible`).
-            StoppedElsewhereError: one has failed. LostError: one has died.
+            StopAllProcesses: one was interrupted (`interruptible`).
+            OtherProcessFailedError: one has failed. LostError: one has died.
         """
-        if self.alone:
+        if self.is_single:
             return
-        found = self._exchange(_STOP if self._asked else _FINE)
+        found = self._exchange(_STOP if self._stop_requested else _FINE)
         if max(found) == _FAILED:
-            raise StoppedElsewhereError("Another process of this training failed.")
+            raise OtherProcessFailedError("Another process of this training failed.")
         if max(found) == _STOP:
-            raise StopTogether
+            raise StopAllProcesses
 
     def from_first(self, make: Callable[[], Value]) -> Value:
-        """What `make` returns in the first process, given to all; it may hold tensors on the CPU."""
-        if self.alone:
+        """Send the result of `make` in the first process to all; it may hold tensors on the CPU."""
+        if self.is_single:
             return make()
         made = [make() if self.is_first else None]
         self.agree()
-        with _told():
+        with _translate_errors():
             dist.broadcast_object_list(made, src=0, device=torch.device("cpu"))
         return made[0]  # type: ignore[return-value]
 
-    def share(self, make: Callable[[], Value], device: torch.device | str) -> Value:
-        """A dataclass of tensors that the first process makes, given to all, bit for bit, on their own `device`."""
-        if self.alone:
+    def broadcast(self, make: Callable[[], Value], device: torch.device | str) -> Value:
+        """Send a dataclass of tensors from the first process to all, bit for bit, to their own `device`."""
+        if self.is_single:
             return make()
         made: Any = make() if self.is_first else None
 
@@ -112,15 +112,15 @@ class World:
             if isinstance(value, _Empty):
                 mine = getattr(made, name).contiguous() if made is not None else value.on(device)
                 if mine.numel():
-                    with _told():
+                    with _translate_errors():
                         dist.broadcast(mine.view(-1).view(torch.uint8), src=0)
                 values[name] = mine
         return made if made is not None else kind(**values)
 
     def align(self, parameters: Iterable[Tensor]) -> None:
         """Give all processes the first one's parameters."""
-        for parameter in parameters if not self.alone else ():
-            with _told():
+        for parameter in parameters if not self.is_single else ():
+            with _translate_errors():
                 dist.broadcast(parameter.data, src=0)
 
     def average_gradients(self, parameters: Iterable[Tensor]) -> None:
@@ -128,31 +128,31 @@ class World:
 
         One wild gradient makes the mean of all wild, so that all skip the same steps.
         """
-        if self.alone:
+        if self.is_single:
             return
         learned = [parameter for parameter in parameters if parameter.requires_grad]
         # Whether a gradient is there at all matters: the optimiser leaves a parameter without one as it is.
         there = torch.tensor([float(p.grad is not None) for p in learned], device=learned[0].device)
         parts = [(p.grad if p.grad is not None else torch.zeros_like(p)).flatten().float() for p in learned]
-        together = torch.cat([there, *parts])
-        with _told():
-            dist.all_reduce(together)
-        used = together[: len(learned)].tolist()
-        mean = (together[len(learned) :] / self.size).split([p.numel() for p in learned])
+        flat = torch.cat([there, *parts])
+        with _translate_errors():
+            dist.all_reduce(flat)
+        used = flat[: len(learned)].tolist()
+        mean = (flat[len(learned) :] / self.size).split([p.numel() for p in learned])
         for parameter, number, value in zip(learned, used, mean, strict=True):
             parameter.grad = value.view_as(parameter).to(parameter.dtype) if number else None
 
     def states(self, state: Tensor) -> Tensor:
-        """Random states of all processes, (size, bytes), for a checkpoint; one alone keeps its own, (bytes,)."""
-        if self.alone:
+        """Gather the random states of all processes, (size, bytes); one process keeps its own, (bytes,)."""
+        if self.is_single:
             return state
         found = [torch.empty_like(state) for _ in range(self.size)]
-        with _told():
+        with _translate_errors():
             dist.all_gather(found, state)
         return torch.stack(found)
 
     def own_state(self, states: Tensor) -> Tensor:
-        """This process's state, of those that `states` returned."""
+        """Return this process's state, of those that `states` returned."""
         # A copy: torch crashes on a state that lies within another tensor.
         return states if states.dim() == 1 else states[self.rank].clone()
 
@@ -171,15 +171,15 @@ class World:
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Ctrl-C inside stops all processes at the next `agree`, so that they end at the same step."""
-        if self.alone or threading.current_thread() is not threading.main_thread():
+        """Stop all processes at the next `agree` after Ctrl-C, so that they end at the same step."""
+        if self.is_single or threading.current_thread() is not threading.main_thread():
             yield
             return
 
-        def ask(_number: int, _frame: object) -> None:
-            self._asked = True
+        def request_stop(_number: int, _frame: object) -> None:
+            self._stop_requested = True
 
-        before = signal.signal(signal.SIGINT, ask)
+        before = signal.signal(signal.SIGINT, request_stop)
         try:
             yield
         finally:
@@ -187,26 +187,26 @@ class World:
 
     def _exchange(self, status: int) -> list[int]:
         found = [torch.zeros(1, dtype=torch.int64) for _ in range(self.size)]
-        with _told():
+        with _translate_errors():
             dist.all_gather(found, torch.tensor([status]))
         return [int(value) for value in found]
 
 
-ALONE = World()
+SINGLE = World()
 """One process."""
 
 
 @contextmanager
-def joined(rank: int, size: int, device: torch.device | str, start: str = "env://") -> Iterator[World]:
+def join_processes(rank: int, size: int, device: torch.device | str, start: str = "env://") -> Iterator[World]:
     """Meet the other processes at `start` (torch's `init_method`), train inside, and end together.
 
-    If some fail, the first of these raises its own error, and all others raise `StoppedElsewhereError`.
+    If some fail, the first of these raises its own error, and all others raise `OtherProcessFailedError`.
 
     Raises:
         ConfigError: they cannot meet.
     """
     if size == 1:
-        yield ALONE
+        yield SINGLE
         return
     backend = "cpu:gloo,cuda:nccl" if torch.device(device).type == "cuda" else "gloo"
     # Its functions have the group of the time of their import as a default. Imported later (optimisers do), they would
@@ -221,26 +221,26 @@ def joined(rank: int, size: int, device: torch.device | str, start: str = "env:/
     try:
         try:
             yield world
-        except StoppedElsewhereError:
+        except OtherProcessFailedError:
             raise
         except BaseException as error:
-            _end(world, None if isinstance(error, StopTogether) else error)
+            _leave(world, None if isinstance(error, StopAllProcesses) else error)
             raise
-        _end(world, None)
+        _leave(world, None)
     finally:
         dist.destroy_process_group()
 
 
-def _end(world: World, error: BaseException | None) -> None:
-    """The last word of a process; it meets the others' next `agree`."""
+def _leave(world: World, error: BaseException | None) -> None:
+    """Exchange the final status with the others' next `agree`."""
     try:
         found = world._exchange(_FINE if error is None else _FAILED)
-    except LostError:
+    except ProcessLostError:
         if error is None:
             raise
         return
     if _FAILED in found and found.index(_FAILED) != world.rank:
-        raise StoppedElsewhereError("Another process of this training failed.") from error
+        raise OtherProcessFailedError("Another process of this training failed.") from error
 
 
 @dataclass(frozen=True)
@@ -255,11 +255,11 @@ class _Empty:
 
 
 @contextmanager
-def _told() -> Iterator[None]:
-    """A connection that breaks, as a sentence that says how to go on."""
+def _translate_errors() -> Iterator[None]:
+    """Convert a broken connection to an error that says how to continue."""
     try:
         yield
     except RuntimeError as error:
-        raise LostError(
+        raise ProcessLostError(
             "Another process of this training died (out of memory?); the same command goes on from the last checkpoint."
         ) from error

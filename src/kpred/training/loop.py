@@ -15,7 +15,7 @@ from kpred.nn import STAGES, KPRed, save_network
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
-from kpred.training.distributed import ALONE, StopTogether, World
+from kpred.training.distributed import SINGLE, StopAllProcesses, World
 from kpred.training.stages import STAGE_CLASSES
 
 GRADIENT_NORM = 1.0
@@ -34,7 +34,7 @@ def train_stage(
     report: StepReport | None = None,
     log: bool = True,
     resume: bool = True,
-    world: World = ALONE,
+    world: World = SINGLE,
 ) -> None:
     """Train one stage in place; afterwards `folder` holds its checkpoint and the exported weights.
 
@@ -81,19 +81,19 @@ class Work(Protocol):
         ...
 
     def model_config(self) -> dict[str, Any]:
-        """The network's config, as a checkpoint keeps it."""
+        """Return the network's config, as stored in a checkpoint."""
         ...
 
     def parameters(self) -> Iterator[nn.Parameter]:
-        """What is learned."""
+        """Return the parameters that are learned."""
         ...
 
     def start(self) -> None:
-        """Called once, before the first step of a stage that is not resumed."""
+        """Prepare a stage that is not resumed, once before its first step."""
         ...
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Named loss terms of one step; their sum is minimised."""
+        """Compute the named loss terms of one step; their sum is minimised."""
         ...
 
 
@@ -105,7 +105,7 @@ def optimise(
     stream: int,
     report: StepReport | None = None,
     log: bool = True,
-    world: World = ALONE,
+    world: World = SINGLE,
 ) -> bool:
     """Minimise a stage's losses and keep its checkpoint in `folder`; whether there was a step left to do.
 
@@ -166,7 +166,7 @@ def optimise(
                     _save(path, work, optimizer, state, done, world)
     except KeyboardInterrupt as error:
         # Of several processes, one that is interrupted on its own has nobody to save with.
-        if not torn and (world.alone or isinstance(error, StopTogether)):
+        if not torn and (world.is_single or isinstance(error, StopAllProcesses)):
             _save(path, work, optimizer, state, done, world)
         raise
     finally:
@@ -177,7 +177,7 @@ def optimise(
 
 
 def learning_rate(settings: StageConfig, step: int) -> float:
-    """Rate at a step: constant, or a cosine from the base rate to 2 % of it."""
+    """Return the rate at a step: constant, or a cosine from the base rate to 2 % of it."""
     if settings.schedule == "constant":
         return settings.learning_rate
     return settings.learning_rate * (0.02 + 0.98 * (1 + math.cos(math.pi * step / settings.steps)) / 2)
@@ -204,15 +204,15 @@ def resumable(
     model_config: dict[str, Any],
     train_config: dict[str, Any],
     device: torch.device,
-    world: World = ALONE,
+    world: World = SINGLE,
 ) -> Checkpoint | None:
-    """The stage's checkpoint in the (first process's) run folder; None if there is none.
+    """Load the stage's checkpoint in the (first process's) run folder; None without one.
 
     Raises:
         CheckpointError: if it cannot be read, or belongs to a run with other settings or another number of processes.
     """
     path = folder / f"{stage}.checkpoint"
-    where = device if world.alone else torch.device("cpu")  # it travels to the others
+    where = device if world.is_single else torch.device("cpu")  # it travels to the others
     checkpoint = world.from_first(lambda: Checkpoint.load(path, where) if path.exists() else None)
     if checkpoint is None:
         return None

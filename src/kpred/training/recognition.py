@@ -1,4 +1,4 @@
-"""Training of the recognizer: scans as they may stand, told as right, as turned wrongly, or as another thing."""
+"""Training of the recognizer: scans that stand right, rotated ones, and other objects."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from kpred.training.augmentation import (
     yaw_matrices,
 )
 from kpred.training.data import Progress
-from kpred.training.distributed import ALONE, World
+from kpred.training.distributed import SINGLE, World
 from kpred.training.loop import StepReport, optimise, resumable
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import RecognitionData, prepare_recognition
@@ -56,19 +56,19 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         self.network, self.data, self.config, self.crops = network, data, config, crops
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Loss terms of one random batch."""
-        clouds, answer, turn, teaches = self.batch(generator)
+        """Compute the loss terms of one random batch."""
+        clouds, answer, yaw, teaches = self.batch(generator)
         logits, found = self.network(clouds)
         taught = answer >= 0
         losses = {"answer": functional.cross_entropy(logits[taught], answer[taught])}
         if bool(teaches.any()):
-            error = (found[teaches] - turn[teaches]) / MAX_YAW_CORRECTION
-            losses["turn"] = self.config.turn_weight * error.abs().mean()
+            error = (found[teaches] - yaw[teaches]) / MAX_YAW_CORRECTION
+            losses["yaw"] = self.config.yaw_weight * error.abs().mean()
         return losses
 
     @in_full_precision
     def batch(self, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Clouds (B, N, 3); answers (B,), -1 where none is taught; missing turns (B,), and where these are taught."""
+        """Draw clouds (B, N, 3), labels (B,) (-1: none), missing yaws (B,), and the mask of yaws to learn."""
         config, data, count = self.config, self.data, self.settings.batch
         options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
         cut = 0 if self.crops is None else round(config.rooms * count)
@@ -98,13 +98,13 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         off = torch.where(is_right, jitter, torch.where(is_quarter, quarters + jitter, anywhere))
         clouds = clouds @ yaw_matrices(off).mT
         clouds = torch.where(tilted[:, None, None], clouds @ self._tilts(count, generator).mT, clouds)
-        turn = -smallest_turn(off, period)
+        yaw = -smallest_yaw(off, period)
         known = category < len(data.categories)
         stands = known & ~tilted
-        answer = torch.where(stands & (turn.abs() <= RIGHT), category, len(data.categories))
-        unsure = stands & (turn.abs() > RIGHT) & (turn.abs() < WRONG)
+        answer = torch.where(stands & (yaw.abs() <= RIGHT), category, len(data.categories))
+        unsure = stands & (yaw.abs() > RIGHT) & (yaw.abs() < WRONG)
         answer = torch.where(unsure, -1, answer)
-        return clouds, answer, turn, stands & (turn.abs() < MAX_YAW_CORRECTION * 0.9) & (period > 0)
+        return clouds, answer, yaw, stands & (yaw.abs() < MAX_YAW_CORRECTION * 0.9) & (period > 0)
 
     def _seen(self, rows: Tensor, generator: torch.Generator) -> Tensor:
         config, data = self.config, self.data
@@ -120,18 +120,18 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         )
 
     def _with_floor(self, clouds: Tensor, generator: torch.Generator) -> Tensor:
-        """Some points of some clouds are moved to the level of their lowest, around the object."""
+        """Move some points of some clouds to the level of their lowest, around the object."""
         options: dict[str, Any] = {"generator": generator, "device": clouds.device}
         middle, half = box_of(clouds)
         spot = middle + half * (2 * torch.rand(clouds.shape, **options) - 1) * 1.1
         low = clouds.amin(1)[:, 1:2].expand(-1, clouds.shape[1]) + 0.01 * torch.randn(clouds.shape[:2], **options)
         spot = torch.stack([spot[..., 0], low, spot[..., 2]], dim=2)
-        share = 0.3 * torch.rand(len(clouds), 1, 1, **options)
-        share = torch.where(torch.rand(len(clouds), 1, 1, **options) < self.config.floor, share, 0.0)
-        return torch.where(torch.rand(*clouds.shape[:2], 1, **options) < share, spot, clouds)
+        fraction = 0.3 * torch.rand(len(clouds), 1, 1, **options)
+        fraction = torch.where(torch.rand(len(clouds), 1, 1, **options) < self.config.floor, fraction, 0.0)
+        return torch.where(torch.rand(*clouds.shape[:2], 1, **options) < fraction, spot, clouds)
 
     def _tilts(self, count: int, generator: torch.Generator) -> Tensor:
-        """Rotations that lay a cloud on its side, back or front, or turn it upside down."""
+        """Draw rotations that lay a cloud on its side, back or front, or turn it upside down."""
         options: dict[str, Any] = {"generator": generator, "device": self.data.clouds.device}
         eye = torch.eye(3, device=self.data.clouds.device)
         x, y, z = eye
@@ -141,8 +141,8 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         return around @ choices[torch.randint(0, len(choices), (count,), **options)]
 
 
-def smallest_turn(off: Tensor, period: Tensor) -> Tensor:
-    """Turns (radians) modulo each shape's period, in (-period / 2, period / 2]; 0 for round shapes."""
+def smallest_yaw(off: Tensor, period: Tensor) -> Tensor:
+    """Reduce yaws (radians) modulo each shape's period, to (-period / 2, period / 2]; 0 for round shapes."""
     safe = torch.where(period > 0, period, 2 * math.pi)
     reduced = torch.remainder(off + safe / 2, safe) - safe / 2
     return torch.where(period > 0, reduced, 0.0)
@@ -158,7 +158,7 @@ def train_recognizer(
     resume: bool = True,
     model: RecognizerConfig | None = None,
     start_from: str | os.PathLike[str] | None = None,
-    world: World = ALONE,
+    world: World = SINGLE,
     rooms: Sequence[RoomPack] = (),
 ) -> Recognizer:
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
@@ -174,10 +174,10 @@ def train_recognizer(
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
     """
-    data = world.share(lambda: prepare_recognition(packs, config.seed, device, progress), device)
+    data = world.broadcast(lambda: prepare_recognition(packs, config.seed, device, progress), device)
     crops = None
     if rooms:
-        crops = world.share(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
+        crops = world.broadcast(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
     earlier = None if start_from is None else load_recognizer(start_from)
     usual = RecognizerConfig() if earlier is None else earlier.config
     architecture = dataclasses.replace(model or usual, categories=data.categories)

@@ -23,7 +23,7 @@ class RecognitionConfig(SingleStageConfig):
         floor: share of clouds that stand on a piece of floor, of which cleaning may have left a part.
         rooms: fraction of clouds that are crops of scanned rooms, where room packs are given.
         room_others: fraction of the crops that are of no category.
-        turn_weight: of the error of the turn, in units of `MAX_YAW_CORRECTION`.
+        yaw_weight: of the error of the turn, in units of `MAX_YAW_CORRECTION`.
     """
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=5000, batch=48))
@@ -40,7 +40,7 @@ class RecognitionConfig(SingleStageConfig):
     floor: float = 0.1
     rooms: float = 0.5
     room_others: float = 0.25
-    turn_weight: float = 1.0
+    yaw_weight: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -26,9 +26,9 @@ OTHER_FACTORIES = ("sofa_two", "sofa_three", "chaise")
 SYMMETRY_POINTS = 1024
 """Points of each of the two samples that tell a shape's symmetry."""
 
-TURN_TOLERANCE = 0.025
+YAW_TOLERANCE = 0.025
 STRAY_DISTANCE = 0.12
-STRAY_SHARE = 0.04
+STRAY_FRACTION = 0.04
 """A turn maps a shape onto itself if this is all that it adds to the mean distance of two samples, unit box, and to the
 share of points that are farther than `STRAY_DISTANCE`: the corners of a square top are few, and yet tell its turn."""
 
@@ -52,13 +52,13 @@ class RecognitionData:
     period: Float[Tensor, " shapes"]
 
     def draw(self, count: int, others: float, generator: torch.Generator) -> Int[Tensor, " count"]:
-        """Random shapes: categories equally often, other things with probability `others`."""
+        """Draw random shapes: categories equally often, other things with probability `others`."""
         options: dict[str, Any] = {"generator": generator, "device": self.clouds.device}
         known = len(self.categories)
-        share = torch.full((known + 1,), (1 - others) / known, device=self.clouds.device)
-        share[known] = others if bool((self.category == known).any()) else 0.0
+        probability = torch.full((known + 1,), (1 - others) / known, device=self.clouds.device)
+        probability[known] = others if bool((self.category == known).any()) else 0.0
         number = torch.bincount(self.category, minlength=known + 1).clamp(min=1)
-        chance = (share / number)[self.category]
+        chance = (probability / number)[self.category]
         return torch.multinomial(chance / chance.sum(), count, replacement=True, **{"generator": options["generator"]})
 
 
@@ -118,21 +118,21 @@ def _is_sofa(pack: MeshPack, index: int) -> bool:
 
 
 def _periods(samples: Sequence[Tensor]) -> Tensor:
-    return turn_periods(*torch.stack(list(samples)).chunk(2, dim=1))
+    return yaw_periods(*torch.stack(list(samples)).chunk(2, dim=1))
 
 
-def turn_periods(
+def yaw_periods(
     clouds: Float[Tensor, "batch points 3"], again: Float[Tensor, "batch points 3"]
 ) -> Float[Tensor, " batch"]:
-    """Smallest turns about y that map shapes onto themselves, of two samples each: 2 pi, pi, pi / 2, or 0 if round."""
+    """Find the smallest yaws that map shapes onto themselves, of two samples each: 2 pi, pi, pi / 2, 0."""
     middle = (clouds.amin(1, keepdim=True) + clouds.amax(1, keepdim=True)) / 2
     angles = torch.tensor([0.0, math.pi, math.pi / 2, math.pi / 4, math.pi / 6], device=clouds.device)
-    turned = ((again - middle)[:, None] @ yaw_matrices(angles).mT).flatten(0, 1)
+    rotated = ((again - middle)[:, None] @ yaw_matrices(angles).mT).flatten(0, 1)
     here = (clouds - middle).repeat_interleave(len(angles), 0)
-    forth, back = nearest_neighbours(here, turned)[0], nearest_neighbours(turned, here)[0]
+    forth, back = nearest_neighbours(here, rotated)[0], nearest_neighbours(rotated, here)[0]
     ways = torch.cat([forth, back], dim=1).sqrt().view(len(clouds), len(angles), -1)
     distance, stray = ways.mean(2), (ways > STRAY_DISTANCE).float().mean(2)
-    same = (distance[:, 1:] - distance[:, :1] < TURN_TOLERANCE) & (stray[:, 1:] - stray[:, :1] < STRAY_SHARE)
+    same = (distance[:, 1:] - distance[:, :1] < YAW_TOLERANCE) & (stray[:, 1:] - stray[:, :1] < STRAY_FRACTION)
     half, quarter, eighth, twelfth = same.unbind(1)
     period = torch.where(half, math.pi, torch.full_like(distance[:, 0], 2 * math.pi))
     period = torch.where(half & quarter, math.pi / 2, period)

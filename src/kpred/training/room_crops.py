@@ -15,7 +15,7 @@ from kpred.ops.occlusion import random_directions
 from kpred.ops.typing import Bool, Float, Int
 from kpred.synthetic.rooms.pack import GRID, SURFACE_POINTS, UNIT, RoomPack
 from kpred.training.data import Progress
-from kpred.training.recognition_data import AT_ONCE, OTHER, turn_periods
+from kpred.training.recognition_data import AT_ONCE, OTHER, yaw_periods
 
 OWN_POINTS, NEAR_POINTS = 640, 192
 """Points of an object, and of what is around it, that are kept of a crop; they repeat where there are fewer."""
@@ -96,7 +96,7 @@ def prepare_crops(
     kind, own, near, has_near, surface, seen, grid = zip(*columns, strict=True)
     kinds = torch.tensor(kind, device=device)
     surfaces = torch.from_numpy(np.stack(surface)).to(device)
-    periods = [turn_periods(*part.float().chunk(2, dim=1)) for part in surfaces.split(AT_ONCE)]
+    periods = [yaw_periods(*part.float().chunk(2, dim=1)) for part in surfaces.split(AT_ONCE)]
     return RoomCrops(
         names,
         kinds,

@@ -18,12 +18,12 @@ from kpred.shapes.pack import MeshPack
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import TrainConfig
 from kpred.training.data import Progress, prepare
-from kpred.training.distributed import ALONE, World
+from kpred.training.distributed import SINGLE, World
 from kpred.training.loop import StepReport, train_stage
 
 
 def new_network(config: ModelConfig, seed: int) -> KPRed:
-    """Freshly initialised networks; the caller's random state is left as it was."""
+    """Return initialise fresh networks, preserving the caller's random state."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return KPRed(config)
@@ -41,15 +41,15 @@ def train(
     report: StepReport | None = None,
     resume: bool = True,
     start_from: str | os.PathLike[str] | None = None,
-    world: World = ALONE,
+    world: World = SINGLE,
 ) -> KPRed:
     """Train the given stages of one category and leave weights in `folder/model`.
 
     Stages build on each other: one that is not in `stages` is taken from the run folder's checkpoints, or, with
     `start_from`, from finished weights of the category (the name or folder of a model; parts that are new in this
     architecture start fresh). A stopped run goes on where it was. Of several processes (`world`, made by
-    `kpred.training.distributed.joined`) the first prepares the data for all and writes the files; each draws batches
-    of its own, so that a step sees as many times the batch as there are processes.
+    `kpred.training.distributed.join_processes`) the first prepares the data for all and writes the files; each draws
+    its own batches, so that a step sees as many times the batch as there are processes.
 
     Raises:
         ConfigError: if a stage does not exist, or one between two others is left out.
@@ -70,7 +70,7 @@ def train(
         _take_over(network, start_from)
     elif first > 0:
         earlier = folder / f"{order[first - 1]}.checkpoint"
-        where = device if world.alone else "cpu"
+        where = device if world.is_single else "cpu"
         checkpoint = world.from_first(lambda: _built_on(earlier, order[first - 1], where))
         if checkpoint.model_config != model_config.to_dict():
             raise CheckpointError(
@@ -79,7 +79,7 @@ def train(
         network.load_state_dict(checkpoint.weights)
     network.to(device)
     with _made(folder) if world.is_first else nullcontext():
-        data = world.share(
+        data = world.broadcast(
             lambda: prepare(list(packs), network, config.points, config.seed, device, source_split, progress), device
         )
     for stage in order:
@@ -98,7 +98,7 @@ def _built_on(path: Path, stage: str, device: torch.device | str) -> Checkpoint:
 
 
 def _take_over(network: KPRed, name: str | os.PathLike[str]) -> None:
-    """Weights of another model's networks of the same category, part by part; parts of another shape start fresh.
+    """Load weights of another model of the same category, part by part; parts of another shape start fresh.
 
     Raises:
         ModelError: if there is no such model, or it does not know the category.
@@ -140,7 +140,7 @@ def _record(
     shapes: dict[str, Any],
     processes: int,
 ) -> None:
-    """What the weights were made of, beside them: the facts of the model card."""
+    """Write the training record beside the weights: the content of the model card."""
     values: dict[str, Any] = {
         "model": model_config.to_dict(),
         "stages": list(stages),

@@ -39,7 +39,7 @@ class SingleStageConfig:
             raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for checkpoints and records."""
+        """Return plain values for checkpoints and records."""
         return dataclasses.asdict(self)
 
 
@@ -60,18 +60,18 @@ class SingleStage(ABC, Generic[Settings]):
         return self.config.optimisation
 
     def model_config(self) -> dict[str, Any]:
-        """The network's config."""
+        """Return the network's config."""
         values: dict[str, Any] = self.network.config.to_dict()
         return values
 
     def parameters(self) -> Iterator[nn.Parameter]:
-        """All of the network's."""
+        """Return all parameters of the network."""
         found: Iterator[nn.Parameter] = self.network.parameters()
         return found
 
     def start(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     @abstractmethod
     def losses(self, step: int, generator: torch.Generator) -> dict[str, torch.Tensor]:
-        """Loss terms of one random batch."""
+        """Compute the loss terms of one random batch."""

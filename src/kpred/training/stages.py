@@ -1,4 +1,4 @@
-"""The losses of the three stages (paper Sec. 3.1 to 3.3); each stage is a function of the data that yields a loss."""
+"""Losses of the three stages (paper Sec. 3.1 to 3.3); each stage computes a loss from the data."""
 
 from __future__ import annotations
 
@@ -49,23 +49,23 @@ class Stage(ABC):
         return getattr(self.config, self.name)
 
     def model_config(self) -> dict[str, Any]:
-        """The network's config, which a checkpoint must have too."""
+        """Return the network's config, which a checkpoint must match."""
         return self.network.config.to_dict()
 
     def parameters(self) -> Iterator[torch.nn.Parameter]:
-        """The parameters that this stage learns."""
+        """Return the parameters that this stage learns."""
         for name in STAGES[self.name]:
             yield from getattr(self.network, name).parameters()
 
     def start(self) -> None:  # noqa: B027 - most stages have nothing to do
-        """Called once, before the first step of a stage that is not resumed."""
+        """Prepare a stage that is not resumed, once before its first step."""
 
     @abstractmethod
     def losses(self, step: int, generator: torch.Generator) -> Losses:
-        """Named loss terms of one step, already weighted; their sum is minimised."""
+        """Compute the named loss terms of one step, already weighted; their sum is minimised."""
 
     def _sources_for(self, target: Tensor, generator: torch.Generator) -> Tensor:
-        """Rows of the sources for these targets: the nearest, undeformed, of a few random ones each."""
+        """Return choose rows of sources for these targets: the nearest, undeformed, of a few random ones each."""
         choices, batch = self.config.source_choices, len(target)
         rows = self.data.draw_sources(batch * choices, generator)
         if choices == 1:
@@ -119,9 +119,7 @@ class DeformationStage(Stage):
         return losses
 
     def _refined(self, source: Tensor, target: Tensor, basis: Tensor, displacement: Tensor) -> Tensor:
-        """CD after refinement. At the least-squares optimum the error does not change with the displacement to first
-        order, so that its gradient with respect to the basis is exact with the displacement held fixed.
-        """
+        """Compute CD after refinement, with the displacement held fixed: exact to first order at the optimum."""
         with torch.no_grad():
             refined = refine_keypoints(
                 source, basis, displacement, target, self._equal_confidence(), TRAIN_REFINE, False
@@ -155,7 +153,7 @@ class FrozenDeformer(Stage):
 
 
 class RetrievalStage(FrozenDeformer):
-    """L_ret (Eq. 4): tokens must rebuild each region, as it is (Psi_1) and as it is deformed to the target (Psi_2)."""
+    """L_ret (Eq. 4): tokens must reconstruct each region as it is (Psi_1) and deformed to the target (Psi_2)."""
 
     name = "retrieval"
 
@@ -187,7 +185,7 @@ class RetrievalStage(FrozenDeformer):
     def _ranking(
         self, rows: Tensor, tokens: Tensor, target_tokens: Tensor, target: Tensor, keypoints: Tensor
     ) -> Tensor:
-        """Cross-entropy between two orders of the batch's sources for each target: by true error, by token distance."""
+        """Compute the cross-entropy between orders of the batch's sources by true error and by token distance."""
         batch = len(rows)
         with torch.no_grad():
             few = min(RANKING_POINTS, target.shape[1])
@@ -213,7 +211,7 @@ class PartialStage(FrozenDeformer):
     name = "partial"
 
     def start(self) -> None:
-        """Partial networks start as copies of their teachers; context blocks are the identity at first."""
+        """Copy the teachers to the partial networks; context blocks are the identity at first."""
         network = self.network
         network.partial_keypoint_predictor.load_state_dict(network.keypoint_predictor.state_dict(), strict=False)
         network.partial_retrieval_encoder.load_state_dict(network.retrieval_encoder.state_dict())
@@ -253,7 +251,7 @@ class PartialStage(FrozenDeformer):
     def _jittered(
         self, target: Tensor, seen: Tensor, keypoints: Tensor, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """The same, half of them in a frame that is a little off in place, size and yaw, as estimated frames are."""
+        """Disturb place, size and yaw of half of the frames slightly, as in estimated frames."""
         batch = len(target)
         options: dict[str, Any] = {"generator": generator, "device": target.device}
         off = self.config.frame_jitter * torch.randint(0, 2, (batch, 1, 1), **options).float()
@@ -264,7 +262,7 @@ class PartialStage(FrozenDeformer):
         return moved[0], moved[1], moved[2].clamp(-1.2, 1.2)
 
     def _box(self, seen: Tensor, target: Tensor) -> Tensor:
-        """Negative log likelihood (Laplace) of the whole object's box, seen from the visible part's own unit box."""
+        """Compute the negative log likelihood (Laplace) of the whole object's box, in the visible part's unit box."""
         middle, half = box_of(seen)
         whole = torch.stack([target.amin(1), target.amax(1)], dim=1)
         corners, spread = self.network.whole_box((seen - middle) / half)
@@ -272,7 +270,7 @@ class PartialStage(FrozenDeformer):
 
     @in_full_precision
     def _partial_targets(self, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-        """Full targets and what is seen of them: some cut by a plane (the paper), some seen by a depth camera."""
+        """Draw full targets and their visible parts, by a plane (the paper) or a depth camera."""
         config, data, batch = self.config, self.data, self.settings.batch
         scanned = round(config.scanned * batch)
         target = data.draw_targets(batch - scanned, config.points, config.stretch, generator)

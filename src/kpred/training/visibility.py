@@ -23,7 +23,7 @@ from kpred.shapes.pack import MeshPack
 from kpred.synthetic.rooms.pack import RoomPack
 from kpred.training.augmentation import in_full_precision, random_factors, yaw_matrices
 from kpred.training.data import Progress
-from kpred.training.distributed import ALONE, World
+from kpred.training.distributed import SINGLE, World
 from kpred.training.loop import StepReport, optimise, resumable
 from kpred.training.room_crops import RoomCrops, prepare_crops
 from kpred.training.single_stage import SingleStage
@@ -41,7 +41,7 @@ CANDIDATES = 4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class VisibilityBatch:
-    """Scans, places around them in the same frame, whether a place would have been seen (1 or 0), and scan kinds.
+    """Scans, places around them in the same frame, visibility labels (1 or 0), and scan kinds.
 
     The places are three equal groups: of the own surface, of another shape's, of the box.
     """
@@ -110,7 +110,7 @@ def draw_batch(
 
 
 def _draw_places(own: Tensor, other: Tensor, config: VisibilityTraining, generator: torch.Generator) -> Tensor:
-    """Places on the own surface, on the other one, and in the box, a third each."""
+    """Draw places on the own surface, on another one, and in the box, a third each."""
     options: dict[str, Any] = {"generator": generator, "device": own.device}
     surfaces = torch.cat([own, other], dim=1)
     level = config.misplaced * torch.rand(*surfaces.shape[:2], 1, **options)
@@ -130,7 +130,7 @@ def train_visibility(
     report: StepReport | None = None,
     resume: bool = True,
     model: VisibilityConfig | None = None,
-    world: World = ALONE,
+    world: World = SINGLE,
     rooms: Sequence[RoomPack] = (),
     start_from: str | os.PathLike[str] | None = None,
 ) -> VisibilityNetwork:
@@ -147,10 +147,10 @@ def train_visibility(
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
     """
-    data = world.share(lambda: prepare_visibility(packs, config.seed, device, progress), device)
+    data = world.broadcast(lambda: prepare_visibility(packs, config.seed, device, progress), device)
     crops = None
     if rooms:
-        crops = world.share(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
+        crops = world.broadcast(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
     earlier = None if start_from is None else load_visibility(start_from)
     architecture = model or (VisibilityConfig() if earlier is None else earlier.config)
     with torch.random.fork_rng(devices=[]):

@@ -1,4 +1,4 @@
-"""Scans of dense clouds with known visibility: whole, cut by a plane, seen in one depth view or merged of several."""
+"""Scans of dense clouds with known visibility: whole, cut by a plane, one depth view, or several merged."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def draw_visible(
 def _sliced(
     points: Tensor, places: Tensor, hidden: tuple[float, float], generator: torch.Generator
 ) -> tuple[Tensor, Tensor]:
-    """What a random plane leaves of each cloud and of the space around it."""
+    """Cut each cloud and the space around it by a random plane."""
     ratio = hidden[0] + (hidden[1] - hidden[0]) * torch.rand(len(points), generator=generator, device=points.device)
     normal = random_directions(len(points), generator, points.device)[:, :, None]
     height = (points @ normal)[..., 0]
@@ -78,7 +78,7 @@ def _sliced(
 
 
 def _draw_views(dense: Tensor, views: Tensor, generator: torch.Generator) -> tuple[CloudDepth, Tensor]:
-    """Depth images of `views` (batch,) random cameras of each cloud, and the cloud of each image."""
+    """Render depth images of `views` (batch,) random cameras of each cloud, and their cloud indices."""
     owner = torch.arange(len(dense), device=dense.device).repeat_interleave(views)
     middle, half = box_of(dense)
     cameras = middle[owner, 0] + half[owner, 0] * random_cameras(views, generator)

@@ -18,7 +18,7 @@ from kpred.evaluation.tables.rows import UNIT, Row
 from kpred.evaluation.tables.targets import Target, read_targets
 from kpred.fitting import fit
 from kpred.fitting.deform import Deform, ModelPoints
-from kpred.fitting.encoding import observe
+from kpred.fitting.encoding import encode_scan
 from kpred.nn import Model, ModelConfig
 from kpred.shapes import MeshPack, open_shapes
 from kpred.training.run import new_network
@@ -129,7 +129,7 @@ def test_feed_forward_is_the_lowest_error_of_the_networks_own_keypoints(
     with Database.open(database) as store:
         for target in _targets(packs, "chair"):
             names = fit(_as_fit_sees_them(target.points), model, store, "chair", 4, "known", partial=False).candidates
-            keypoints = observe(target.points[None], model["chair"], partial=False).keypoints[0].numpy()
+            keypoints = encode_scan(target.points[None], model["chair"], partial=False).keypoints[0].numpy()
             entries = [store.entry(candidate.model_id) for candidate in names]
             results = [one.points + one.point_basis @ (keypoints - one.keypoints) for one in entries]
             errors.append(min(_chamfer(target.points.numpy(), result) for result in results))

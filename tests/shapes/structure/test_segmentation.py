@@ -53,11 +53,11 @@ def test_of_two_boxes_around_a_screw_the_smaller_one_has_it():
     assert (parts[16:] == parts[8]).all()
 
 
-@pytest.mark.parametrize("most", [1, 5, MAX_PARTS])
-def test_there_are_no_more_parts_than_allowed(most):
+@pytest.mark.parametrize("max_parts", [1, 5, MAX_PARTS])
+def test_there_are_no_more_parts_than_allowed(max_parts):
     boxes = [((0.2 + 0.001 * k, 0.5, 0.3), (float(k), 0.0, 0.0)) for k in range(24)]
-    parts = vertex_parts(*union(*boxes), most)
-    assert set(parts) == set(range(min(most, 24)))
+    parts = vertex_parts(*union(*boxes), max_parts)
+    assert set(parts) == set(range(min(max_parts, 24)))
     # Each box is of one part, and the largest ones have their own.
     assert all(len(set(parts[8 * k : 8 * k + 8])) == 1 for k in range(24))
     assert parts[-1] == 0

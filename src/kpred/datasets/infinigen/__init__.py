@@ -1,5 +1,5 @@
 """Furniture of Infinigen's factories, made by an environment of its own."""
 
-from kpred.datasets.infinigen.generate import FACTORIES, Made, generate_infinigen
+from kpred.datasets.infinigen.generate import FACTORIES, GenerationReport, generate_infinigen
 
-__all__ = ["FACTORIES", "Made", "generate_infinigen"]
+__all__ = ["FACTORIES", "GenerationReport", "generate_infinigen"]

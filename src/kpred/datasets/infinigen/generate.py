@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpred.datasets.check import Lack
+from kpred.datasets.check import Issue
 from kpred.datasets.infinigen.worker import MISSING
 from kpred.errors import ConfigError, MeshError, OutputError
 from kpred.shapes.mesh import Mesh, clean_mesh
@@ -43,7 +43,7 @@ FACTORIES: dict[str, dict[str, int]] = {
 }
 """Factories of each category, and how often each is drawn."""
 
-SHARES = {"source": 0.15, "train": 0.70, "val": 0.15}
+FRACTIONS = {"source": 0.15, "train": 0.70, "val": 0.15}
 
 WORKER = Path(__file__).with_name("worker.py")
 
@@ -55,11 +55,11 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Made:
+class GenerationReport:
     """A pack of furniture; `failed`: what a factory could not make; `made`, `kept`: shapes made now and before."""
 
     pack: MeshPack
-    failed: tuple[Lack, ...]
+    failed: tuple[Issue, ...]
     made: int
     kept: int
 
@@ -71,10 +71,10 @@ def generate_infinigen(
     seed: int = 0,
     python: str | Path = sys.executable,
     workers: int = 1,
-    most_faces: int = 3000,
+    max_faces: int = 3000,
     progress: Progress | None = None,
-) -> Made:
-    """Make `count` shapes of a category; those that lie in `folder` already are kept, so that a stopped run goes on.
+) -> GenerationReport:
+    """Generate `count` shapes of a category, keeping those in `folder`; resumable.
 
     Which factory and seed shape i has depends on category, seed and i alone; what Infinigen makes of them is its own.
 
@@ -82,7 +82,7 @@ def generate_infinigen(
         folder: where single shapes are kept.
         python: interpreter of the environment that has infinigen.
         workers: processes, each with a Blender of its own.
-        most_faces: triangles that a shape is reduced to.
+        max_faces: triangles that a shape is reduced to.
 
     Raises:
         ConfigError: an unknown category, a number below 1, or a Python without infinigen.
@@ -91,18 +91,18 @@ def generate_infinigen(
     """
     if category not in FACTORIES:
         raise ConfigError(f"Infinigen has no factories for '{category}'; choose one of {', '.join(FACTORIES)}.")
-    if min(count, workers) < 1 or most_faces < 12:
+    if min(count, workers) < 1 or max_faces < 12:
         raise ConfigError("Infinigen needs a count and workers of at least 1, and at least 12 triangles a shape.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"Cannot make the folder {folder}: {error.strerror}; choose another.") from error
-    drawn = [_drawn(category, seed, i) for i in range(count)]
+    drawn = [_assign(category, seed, i) for i in range(count)]
     missing = [item for item in drawn if not _file(folder, item).is_file()]
     failed: dict[str, str] = {}
     lock = threading.Lock()
 
-    def told(line: str) -> None:
+    def report_line(line: str) -> None:
         word, _, rest = line.partition(" ")
         with lock:
             if word == "failed":
@@ -113,7 +113,7 @@ def generate_infinigen(
                 progress("making furniture", there + len(failed), count)
 
     batches = [missing[start : start + JOBS] for start in range(0, len(missing), JOBS)]
-    _run(batches, folder, str(python), workers, most_faces, told)
+    _run(batches, folder, str(python), workers, max_faces, report_line)
     meshes, names, used = [], [], []
     for item in drawn:
         name = f"{item[0]}_{item[1]}"
@@ -124,9 +124,9 @@ def generate_infinigen(
             continue
         names.append(name)
         used.append(item)
-    lacks = tuple(Lack("shape", name, why) for name, why in sorted(failed.items()))
+    issues = tuple(Issue("shape", name, why) for name, why in sorted(failed.items()))
     if not meshes:
-        why = f"the first: {lacks[0].why}" if lacks else "the process died"
+        why = f"the first: {issues[0].why}" if issues else "the process died"
         raise MeshError(f"Infinigen made none of {count} shapes ({why}); run it with --debug in its own environment.")
     extra = {
         "factory": np.array([item[0] for item in used], dtype=str),
@@ -134,11 +134,11 @@ def generate_infinigen(
     }
     pack = MeshPack.from_meshes(meshes, names, [_split(name) for name in names], category, extra=extra)
     kept = sum(item not in missing for item in used)
-    return Made(pack, lacks, len(used) - kept, kept)
+    return GenerationReport(pack, issues, len(used) - kept, kept)
 
 
-def _drawn(category: str, seed: int, index: int) -> tuple[str, int]:
-    """Factory and seed of one shape."""
+def _assign(category: str, seed: int, index: int) -> tuple[str, int]:
+    """Return factory and seed of one shape."""
     factories = FACTORIES[category]
     chance = random.Random(f"{category} {seed} {index}")
     factory = chance.choices(list(factories), list(factories.values()))[0]
@@ -148,8 +148,8 @@ def _drawn(category: str, seed: int, index: int) -> tuple[str, int]:
 
 def _split(name: str) -> str:
     value = random.Random(name).random()
-    for split, share in SHARES.items():
-        value -= share
+    for split, fraction in FRACTIONS.items():
+        value -= fraction
         if value < 0:
             return split
     return "val"
@@ -176,8 +176,8 @@ def _run(
     folder: Path,
     python: str,
     workers: int,
-    most_faces: int,
-    told: Callable[[str], None],
+    max_faces: int,
+    report_line: Callable[[str], None],
 ) -> None:
     """Run the worker on all batches, so many at a time."""
     waiting = list(reversed(batches))
@@ -193,7 +193,7 @@ def _run(
                 jobs = [f"{factory}:{seed}" for factory, seed in waiting.pop()]
                 try:
                     process = subprocess.Popen(
-                        [python, str(WORKER), str(folder), str(most_faces), *jobs],
+                        [python, str(WORKER), str(folder), str(max_faces), *jobs],
                         stdin=subprocess.DEVNULL,
                         stdout=subprocess.PIPE,
                         stderr=subprocess.DEVNULL,
@@ -207,7 +207,7 @@ def _run(
                 running.append(process)
             assert process.stdout is not None
             for line in process.stdout:
-                told(line.strip())
+                report_line(line.strip())
             if process.wait() == MISSING:
                 with lock:
                     trouble.append(

@@ -1,6 +1,6 @@
 """Runs in Infinigen's own Python: furniture of its factories by seed, as arrays in files; knows nothing of kpred.
 
-    python worker.py FOLDER MOST_FACES FACTORY:SEED [FACTORY:SEED ...]
+    python worker.py FOLDER MAX_FACES FACTORY:SEED [FACTORY:SEED ...]
 
 writes FOLDER/FACTORY_SEED.npz (vertices float32 (V, 3) in metres, y up, front +z, floor at y = 0; faces int32 (F, 3)),
 each whole or not at all, and prints a line for each: `done NAME`, or `failed NAME why`.
@@ -24,8 +24,8 @@ MISSING = 3
 """Exit code where infinigen or bpy cannot be imported."""
 
 
-def make(factory: str, seed: int, most_faces: int):  # type: ignore[no-untyped-def]  # numpy of another environment
-    """Vertices and faces of one shape."""
+def make(factory: str, seed: int, max_faces: int):  # type: ignore[no-untyped-def]  # numpy of another environment
+    """Make vertices and faces of one shape."""
     import importlib
 
     import bpy  # type: ignore[import-not-found, unused-ignore]
@@ -47,7 +47,7 @@ def make(factory: str, seed: int, most_faces: int):  # type: ignore[no-untyped-d
         vertices.append(corners)
         faces.append(triangles + count)
         count += len(corners)
-    points, triangles = _decimated(np.concatenate(vertices), np.concatenate(faces), most_faces)
+    points, triangles = _decimated(np.concatenate(vertices), np.concatenate(faces), max_faces)
     # Infinigen: z up, front +x. Here: y up, front +z.
     points = points[:, [1, 2, 0]]
     if factory in LONG:
@@ -58,7 +58,7 @@ def make(factory: str, seed: int, most_faces: int):  # type: ignore[no-untyped-d
 
 
 def _triangles(item):  # type: ignore[no-untyped-def]
-    """What an object shows, in the world."""
+    """Triangulate the visible mesh of an object, in world coordinates."""
     import bpy  # type: ignore[import-not-found, unused-ignore]
     import numpy as np
 
@@ -74,11 +74,11 @@ def _triangles(item):  # type: ignore[no-untyped-def]
     return corners.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3], triangles.reshape(-1, 3)
 
 
-def _decimated(vertices, faces, most):  # type: ignore[no-untyped-def]
-    """Flat neighbours made one, then, if need be, at most so many triangles by collapsing edges."""
+def _decimated(vertices, faces, max_faces):  # type: ignore[no-untyped-def]
+    """Return dissolve flat neighbours, then collapse edges down to `max_faces` triangles."""
     import bpy  # type: ignore[import-not-found, unused-ignore]
 
-    if len(faces) <= most:
+    if len(faces) <= max_faces:
         return vertices, faces
     mesh = bpy.data.meshes.new("joined")
     mesh.from_pydata(vertices.tolist(), [], faces.tolist())
@@ -90,9 +90,9 @@ def _decimated(vertices, faces, most):  # type: ignore[no-untyped-def]
     flat.decimate_type, flat.angle_limit = "DISSOLVE", 0.03
     bpy.context.view_layer.update()
     fewer = _triangles(item)
-    if len(fewer[1]) > most:
+    if len(fewer[1]) > max_faces:
         item.modifiers.new("triangles", "TRIANGULATE")
-        item.modifiers.new("fewer", "DECIMATE").ratio = most / len(fewer[1])
+        item.modifiers.new("fewer", "DECIMATE").ratio = max_faces / len(fewer[1])
         bpy.context.view_layer.update()
         fewer = _triangles(item)
     bpy.data.objects.remove(item)
@@ -101,7 +101,7 @@ def _decimated(vertices, faces, most):  # type: ignore[no-untyped-def]
 
 def main(arguments: list[str]) -> int:
     """Make all that is asked for; one failure does not stop the rest."""
-    folder, most_faces, jobs = arguments[0], int(arguments[1]), arguments[2:]
+    folder, max_faces, jobs = arguments[0], int(arguments[1]), arguments[2:]
     # Infinigen and Blender print what they like; standard output is for the results.
     results = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
@@ -117,7 +117,7 @@ def main(arguments: list[str]) -> int:
         name = f"{factory}_{seed}"
         try:
             with contextlib.redirect_stdout(io.StringIO()):
-                vertices, faces = make(factory, int(seed), most_faces)
+                vertices, faces = make(factory, int(seed), max_faces)
         except Exception as error:  # an asset may fail in any way
             traceback.print_exc()
             print(f"failed {name} {type(error).__name__}: {' '.join(str(error).split())[:200]}", file=results)

@@ -1,4 +1,4 @@
-"""Which category a model of Sweet Home 3D is of, by the words of its title; where they mislead, by its key."""
+"""Category of a Sweet Home 3D model, by the words of its title or, where these mislead, by its key."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from kpred.ops.typing import Float
 def place_obj(
     data: bytes, rotation: Float[np.ndarray, "3 3"], size: Float[np.ndarray, "3"], name: str
 ) -> tuple[bytes, list[str]]:
-    """Rotate and scale an OBJ to a box of `size` (width, height, depth) on the floor, centred in x and z.
+    """Rotate and scale an OBJ to a box of `size` (width, height, depth), centred on the floor.
 
     Lines of `v` and `vn` are written anew; an axis along which the model has no extent is scaled as the others are.
 

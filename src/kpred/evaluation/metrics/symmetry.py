@@ -1,9 +1,9 @@
 """Turns about the vertical that leave a shape as it is, and yaw errors that do not count them.
 
 The law: a surface is symmetric under a turn about the vertical axis through the middle of its box if it and its turned
-copy lie on average less than `TOLERANCE` from each other (both ways), and of neither more than `STRAY_SHARE` is farther
-than `STRAY_DISTANCE`: a shelf's missing front is a small part of its surface, and yet tells front from back. Distances
-are shares of the longer horizontal side, since height does not make a turn smaller.
+copy lie on average less than `TOLERANCE` from each other (both ways), and of neither more than `STRAY_FRACTION` is
+farther than `STRAY_DISTANCE`: a shelf's missing front is a small part of its surface, and yet tells front from back.
+Distances are fractions of the longer horizontal side, since height does not make a turn smaller.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kpred.ops.typing import Float
 
 TOLERANCE = 0.02
 STRAY_DISTANCE = 0.05
-STRAY_SHARE = 0.05
+STRAY_FRACTION = 0.05
 
 STEP_DEGREES = 15
 """A shape that all multiples of this turn leave as it is counts as round."""
@@ -71,7 +71,7 @@ def vertical_symmetry(surface: Float[np.ndarray, "points 3"]) -> Symmetry:
         stray = max(float((way > max(STRAY_DISTANCE, 3 * spacing)).mean()) for way in ways)
         # A copy that lies a little off the surface is a little off and as far along it as samples are apart.
         off = max(float(np.mean(ways)) ** 2 - spacing**2, 0.0) ** 0.5
-        return off < TOLERANCE and stray <= STRAY_SHARE
+        return off < TOLERANCE and stray <= STRAY_FRACTION
 
     if not same(180.0):
         return NONE

@@ -27,20 +27,25 @@ def token_distances(tokens: Float[np.ndarray, "models keypoints token"]) -> Floa
 
 
 def tokens_figure(
-    database: Database, category: str, pictures: int = 40, most: int = 600, perplexity: float = 20.0, seed: int = 0
+    database: Database,
+    category: str,
+    pictures: int = 40,
+    max_models: int = 600,
+    perplexity: float = 20.0,
+    seed: int = 0,
 ) -> Figure:
     """The models of one category of a database.
 
     Args:
-        pictures: how many are shown as pictures, spread over the map; most: at most so many models, drawn by seed.
+        pictures: number shown as pictures, spread over the map; max_models: maximum number of models, drawn by seed.
         perplexity, seed: of the map.
 
     Raises:
         DatabaseError: the database has no models of the category.
     """
     ids = list(database.model_ids(category))
-    if len(ids) > most:
-        ids = sorted(np.random.default_rng(seed).choice(ids, most, replace=False).tolist())
+    if len(ids) > max_models:
+        ids = sorted(np.random.default_rng(seed).choice(ids, max_models, replace=False).tolist())
     entries = [database.entry(name) for name in ids]
     places = tsne(token_distances(np.stack([entry.tokens for entry in entries])), perplexity, seed=seed)
     figure = new_figure(8.0, 8.0)

@@ -25,7 +25,7 @@ from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
 from kpred.evaluation.tables.measuring import pack_files
 from kpred.evaluation.tables.targets import chosen_rows, limited
-from kpred.fitting.defaults import as_database, as_model
+from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.nn import Model
 from kpred.rendering.contact_sheet import Tile
 from kpred.shapes import MeshPack
@@ -117,7 +117,7 @@ def evaluate_catalogue(
         ModelError, DatabaseError: they are missing, do not fit each other, or the database lacks the packs' shapes.
     """
     plan = config or CatalogueConfig()
-    networks = as_model(model)
+    networks = resolve_model(model)
     remarks: list[str] = []
 
     def tell(sentence: str) -> None:
@@ -165,7 +165,7 @@ def _opened(
         networks[pack.category]
         if not len(pack.indices(SOURCE_SPLIT)):
             raise PackError(f"{file}: no shape is in the split '{SOURCE_SPLIT}' to scan; give another pack.")
-    given = as_database(None) if database is None and not loaded else database
+    given = resolve_database(None) if database is None and not loaded else database
     total = sum(len(pack.indices(SOURCE_SPLIT)) for pack in loaded.values())
     building = counter(progress, "database", total)
     return searched(list(loaded), networks, given, plan.seed, building, report)

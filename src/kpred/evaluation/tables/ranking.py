@@ -24,7 +24,7 @@ from kpred.evaluation.tables.rows import CD, UCD, UNIT
 from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve
-from kpred.fitting.encoding import observe
+from kpred.fitting.encoding import encode_scan
 from kpred.nn import KPRed, Model
 from kpred.ops.typing import Float
 
@@ -95,7 +95,7 @@ def rank(
     """Deform and refine all of a database to one target (unit box, known frame)."""
     store = pack.stores[model_name]
     everything = len(pack.baseline.points)
-    found = retrieve(observe(cloud[None], network, partial), 0, store, pack.category, everything, partial)
+    found = retrieve(encode_scan(cloud[None], network, partial), 0, store, pack.category, everything, partial)
     place = {name: row for row, name in enumerate(pack.baseline.model_ids)}
     undeformed = undeformed_errors(cloud, pack.baseline.points, partial).numpy()
     return Ranking(

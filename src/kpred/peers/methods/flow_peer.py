@@ -47,7 +47,7 @@ class _ShapeFlow:
         return Explanation(tuple(self.sources.model_ids[row] for row in near.tolist()), flown)
 
     def _sought(self, target: Tensor, partial: bool) -> Tensor:
-        """Code (size,) under which random sources flow to the target best."""
+        """Optimise the code (size,) under which random sources flow to the target best."""
         distance = unilateral_chamfer_distance if partial else chamfer_distance
         generator = torch.Generator().manual_seed(self.sources.seed)
         # The bench runs without gradients; what was made there cannot take part in them, but copies can.

@@ -30,7 +30,7 @@ class PeerMethod(Generic[Network]):
     ranked: ClassVar[bool] = True
 
     def network(self, sources: Sources) -> Network:
-        """The network of the sources' category.
+        """Return the network of the sources' category.
 
         Raises:
             ModelError: if there is none.
@@ -44,5 +44,5 @@ class PeerMethod(Generic[Network]):
 
 
 def nearest_undeformed(sources: Sources, target: Tensor, top_k: int, partial: bool) -> Tensor:
-    """Rows of the truly nearest sources as they are (CD; UCD if partial), for peers that have no retrieval."""
+    """Return rows of the nearest undeformed sources (CD; UCD if partial), for peers without retrieval."""
     return sources.undeformed_errors(target, partial).argsort(stable=True)[:top_k]

@@ -25,7 +25,7 @@ METHODS: dict[type[Any], type[Any]] = {
 
 
 def peer_method(name: str, folder: str | os.PathLike[str]) -> tuple[Method, dict[str, Any]]:
-    """A peer by the folder of its weights, and what it was made by.
+    """Load a peer method from the folder of its weights, with its training record.
 
     Raises:
         ModelError: the folder holds no weights of a peer.
@@ -36,7 +36,7 @@ def peer_method(name: str, folder: str | os.PathLike[str]) -> tuple[Method, dict
 
 
 def refined(method: Method) -> list[Method]:
-    """The same with this package's keypoint refinement, where it has keypoints."""
+    """Return the method with this package's keypoint refinement, where it has keypoints."""
     if not isinstance(method, KeypointDeformerMethod):
         return []
     return [KeypointDeformerMethod(f"{method.name}_refined", method.networks, RefineConfig())]

@@ -54,7 +54,7 @@ class KeypointDeformerConfig:
         return self.model_config().cage_vertices
 
     def model_config(self) -> ModelConfig:
-        """The same settings as those of this package's own networks, whose parts are used where they are the same."""
+        """Convert the settings to this package's own, for parts that are the same."""
         return ModelConfig(
             category=self.category,
             keypoints=self.keypoints,
@@ -65,7 +65,7 @@ class KeypointDeformerConfig:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return dataclasses.asdict(self)
 
 
@@ -80,16 +80,16 @@ class KeypointDeformer(nn.Module):
         self.influence_offset = PointNet(config.keypoints * config.cage_vertices)
 
     def keypoints(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints 3"]:
-        """Keypoints of whole shapes, clamped to the unit box."""
+        """Predict keypoints of whole shapes, clamped to the unit box."""
         found: Tensor = self.keypoint_predictor(points)
         return found.clamp(-1, 1)
 
     def cage(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch vertices 3"]:
-        """The source's cage; its faces are those of `kpred.ops.cage.icosphere`."""
+        """Build the source's cage; its faces are those of `kpred.ops.cage.icosphere`."""
         return pulled_in_cage(points, subdivisions=self.config.cage_subdivisions)
 
     def offset(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch keypoints vertices"]:
-        """What the source's own influence has beyond the shared one."""
+        """Predict the offset of the source's influence from the shared one."""
         found: Tensor = self.influence_offset(points)
         return found.unflatten(1, (self.config.keypoints, self.config.cage_vertices))
 
@@ -99,7 +99,7 @@ class KeypointDeformer(nn.Module):
         keypoints: Float[Tensor, "batch keypoints 3"],
         cage: Float[Tensor, "batch vertices 3"],
     ) -> Float[Tensor, "batch keypoints vertices"]:
-        """I with C' = C + I^T (K_target - K_source)."""
+        """Return I with C' = C + I^T (K_target - K_source)."""
         return (SHARED_RATE * self.shared_influence + offset) * support(
             keypoints, cage, self.config.influence_neighbours
         )

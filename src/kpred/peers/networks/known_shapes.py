@@ -14,7 +14,7 @@ depend on the scale of a parameter."""
 
 
 def known_rows(known: tuple[str, ...], model_ids: tuple[str, ...]) -> Int[Tensor, " shapes"]:
-    """Rows of the codes of these shapes.
+    """Return rows of the codes of these shapes.
 
     Raises:
         ModelError: if one was not among the shapes of the training.

@@ -31,7 +31,7 @@ PEERS: dict[str, tuple[type[Any], type[Any]]] = {
 
 
 def peer_name(network: Peer) -> str:
-    """The peer that a network is of."""
+    """Return the name of a network's peer."""
     return next(name for name, (kind, _) in PEERS.items() if isinstance(network, kind))
 
 
@@ -45,7 +45,7 @@ def save_peer(network: Peer, folder: str | os.PathLike[str]) -> None:
 
 
 def load_peer(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> Peer:
-    """A peer's network of one category, in evaluation mode, single precision, without gradients.
+    """Load a peer's network of one category, in evaluation mode, single precision, without gradients.
 
     Raises:
         ModelError: if a file is missing, truncated, of another kind, or does not fit the other.
@@ -54,7 +54,7 @@ def load_peer(folder: str | os.PathLike[str], device: torch.device | str = "cpu"
 
 
 def load_peers(folder: str | os.PathLike[str], device: torch.device | str = "cpu") -> dict[str, Peer]:
-    """A peer's networks by category: of a model folder, of a run folder, or of all such folders in a folder.
+    """Load a peer's networks by category, from a model folder, a run folder, or a folder of these.
 
     Raises:
         ModelError: if there are none, or two of one category or of different peers.
@@ -72,12 +72,12 @@ def load_peers(folder: str | os.PathLike[str], device: torch.device | str = "cpu
 
 
 def holds_peers(folder: str | os.PathLike[str]) -> bool:
-    """Whether a folder holds weights of peers, and not of this package's own networks."""
+    """Test whether a folder holds weights of peers rather than of this package's networks."""
     return bool(_places(Path(folder)))
 
 
 def training_record(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """What the networks of `load_peers` were trained by, where a record lies beside the weights."""
+    """Read the training record beside the weights of `load_peers`, if any."""
     records = []
     for place in _places(Path(folder)):
         try:
@@ -88,7 +88,7 @@ def training_record(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
 
 
 def _places(root: Path) -> list[Path]:
-    """Folders of peers' weights: the folder itself, its `model`, or those in it."""
+    """List the folders of peers' weights: the folder itself, its `model`, or those in it."""
     found = [place for place in (root, root / "model") if _is_peer(place)]
     if not found and root.is_dir():
         found = [place for part in sorted(root.iterdir()) for place in (part, part / "model") if _is_peer(place)]

@@ -45,7 +45,7 @@ class NeuralCagesConfig:
             raise ConfigError("code_size must be at least 4, cage_subdivisions at least 0.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return dataclasses.asdict(self)
 
 
@@ -62,7 +62,7 @@ class VertexDecoder(nn.Module):
     def forward(
         self, codes: Float[Tensor, "batch size"], vertices: Float[Tensor, "batch vertices 3"]
     ) -> Float[Tensor, "batch vertices 3"]:
-        """How far each vertex moves."""
+        """Predict the displacement of each vertex."""
         features = functional.leaky_relu(self.code(codes)[:, None] + self.place(vertices), 0.1)
         motion: Tensor = self.output(functional.leaky_relu(self.hidden(features), 0.1))
         return motion
@@ -85,12 +85,12 @@ class NeuralCages(nn.Module):
         self.cage_decoder, self.motion_decoder = VertexDecoder(size), VertexDecoder(2 * size)
 
     def encode(self, points: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch size"]:
-        """Codes of shapes, sources and targets alike."""
+        """Encode shapes, sources and targets alike."""
         code: Tensor = functional.leaky_relu(self.encoder(points), 0.1)
         return code
 
     def cage(self, codes: Float[Tensor, "batch size"]) -> Float[Tensor, "batch vertices 3"]:
-        """Cages of sources by their codes; the faces are `faces`."""
+        """Predict cages of sources from their codes; the faces are `faces`."""
         template = self.template.expand(len(codes), -1, -1)
         moved: Tensor = template + self.cage_decoder(codes, template)
         return moved
@@ -98,7 +98,7 @@ class NeuralCages(nn.Module):
     def coordinates(
         self, points: Float[Tensor, "batch points 3"], cage: Float[Tensor, "batch vertices 3"]
     ) -> Float[Tensor, "batch points vertices"]:
-        """Mean value coordinates of the source's points, differentiable in the cage where it has a gradient."""
+        """Compute mean value coordinates of the source's points, differentiable in the cage."""
         made = mean_value_reference if cage.requires_grad else mean_value_coordinates
         return made(points, cage, self.faces)
 
@@ -108,7 +108,7 @@ class NeuralCages(nn.Module):
         targets: Float[Tensor, "batch size"],
         cage: Float[Tensor, "batch vertices 3"],
     ) -> Float[Tensor, "batch vertices 3"]:
-        """How the cage's vertices move to deform sources to targets, one to one; S' = S + coordinates @ motion."""
+        """Predict displacements of cage vertices for pairs of source and target; S' = S + coordinates @ motion."""
         both = functional.leaky_relu(self.merge(torch.cat([sources, targets], dim=1)), 0.1)
         moved: Tensor = self.motion_decoder(both, cage)
         return moved

@@ -28,7 +28,7 @@ class Messages(nn.Module):
         others: Float[Tensor, "batch others width"],
         there: Bool[Tensor, "batch others"],
     ) -> Float[Tensor, "batch nodes width"]:
-        """The nodes after the round; others that are not `there` say nothing."""
+        """Update the nodes by one round of messages; nodes that are not `there` send none."""
         query = self.ask(nodes).unflatten(2, (self.heads, -1)).transpose(1, 2)
         key, value = (x.transpose(1, 2) for x in self.answer(others).unflatten(2, (2, self.heads, -1)).unbind(2))
         heard = functional.scaled_dot_product_attention(query, key, value, attn_mask=there[:, None, None])
@@ -55,7 +55,7 @@ class PartAttention(nn.Module):
         part_codes: Float[Tensor, "batch parts size"],
         there: Bool[Tensor, "batch parts"],
     ) -> Float[Tensor, "batch parts 6"]:
-        """How each part should move and grow, before contacts are kept; what it says of empty parts means nothing."""
+        """Predict how each part moves and grows, before contacts are kept; undefined for empty parts."""
         first, second = self.encode
         parts = second(functional.leaky_relu(first(part_codes), 0.1))
         whole = torch.stack([self.source(sources), self.target(targets)], dim=1)

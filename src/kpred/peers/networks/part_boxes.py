@@ -1,4 +1,4 @@
-"""Parts of a source as boxes, and what moving and resizing them does while they hold together (Uy et al. 2021)."""
+"""Parts of a source as boxes, moved and resized with their contacts kept (Uy et al. 2021)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class PartBoxes:
 
     @classmethod
     def of_shape(cls, points: Float[Tensor, "points 3"], labels: Int[Tensor, " points"], count: int) -> PartBoxes:
-        """One source from its points and the part of each, 0 to `count` - 1; boxes are those of the points."""
+        """Build one source from its points and the part of each, 0 to `count` - 1."""
         low, high = points.new_full((count, 3), torch.inf), points.new_full((count, 3), -torch.inf)
         rows = labels[:, None].expand(-1, 3)
         low.scatter_reduce_(0, rows, points, "amin")
@@ -57,25 +57,25 @@ class PartBoxes:
 
     @classmethod
     def stack(cls, shapes: list[PartBoxes]) -> PartBoxes:
-        """Several sources with as many points and parts."""
+        """Stack several sources with equal numbers of points and parts."""
         return cls(*(torch.stack([getattr(shape, field.name) for shape in shapes]) for field in fields(cls)))
 
     def take(self, rows: Int[Tensor, " rows"]) -> PartBoxes:
-        """The sources of these rows."""
+        """Select the sources of these rows."""
         return PartBoxes(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def first(self, count: int) -> PartBoxes:
-        """The same with each source's first points alone."""
+        """Return the same with each source's first points only."""
         return PartBoxes(self.labels[..., :count], self.relative[..., :count, :], self.parts, self.projection)
 
     def to(self, device: torch.device | str) -> PartBoxes:
-        """The same on a device."""
+        """Move all arrays to a device."""
         return PartBoxes(*(getattr(self, field.name).to(device) for field in fields(self)))
 
     def moved(
         self, points: Float[Tensor, "batch points 3"], wanted: Float[Tensor, "batch parts 6"]
     ) -> Float[Tensor, "batch points 3"]:
-        """The points after the parts have moved (first three numbers) and grown (last three), contacts kept."""
+        """Move the points with their parts' shift (first three numbers) and growth (last three), contacts kept."""
         wanted = torch.where(self.parts[..., None], wanted, 0)
         per_axis = torch.cat([wanted[..., :3], wanted[..., 3:]], dim=1).transpose(1, 2)
         kept = torch.einsum("bapq,baq->bpa", self.projection.to(wanted.dtype), per_axis)
@@ -91,7 +91,7 @@ def contacts(
     high: Float[Tensor, "parts 3"],
     parts: Tensor,
 ) -> tuple[Int[Tensor, " contacts"], Int[Tensor, " contacts"], Float[Tensor, "contacts 3"]]:
-    """Pairs of parts that touch, and where; a part that touches none is held to the one nearest to it.
+    """Find pairs of touching parts, and their points; a part without contact is tied to its nearest.
 
     Args:
         low, high: the parts' boxes.
@@ -124,7 +124,7 @@ def contacts(
 
 
 def _projection(first: Tensor, second: Tensor, at_first: Tensor, at_second: Tensor, axis: int, parts: Tensor) -> Tensor:
-    """(2P, 2P): the identity less what would part the contacts along one axis."""
+    """Compute the projection (2P, 2P) that keeps the contacts along one axis."""
     count, rows = len(parts), torch.arange(len(first), device=first.device)
     wanted = torch.zeros(len(first), 2 * count, dtype=torch.float64, device=first.device)
     wanted[rows, first], wanted[rows, second] = 1.0, -1.0

@@ -21,18 +21,18 @@ class PointNet(nn.Module):
         self.hidden, self.output = nn.Linear(POINT_FEATURES, 256), nn.Linear(256, size)
 
     def forward(self, points: Float[torch.Tensor, "batch points 3"]) -> Float[torch.Tensor, "batch size"]:
-        """Feature of each cloud (unit box); the order of its points does not matter."""
+        """Encode each cloud (unit box), invariant to the order of its points."""
         return self.pooled(self.of_points(points))
 
     def of_points(self, points: Float[torch.Tensor, "batch points 3"]) -> Float[torch.Tensor, "batch points 256"]:
-        """Feature of each point, of its place alone."""
+        """Encode each point by its own position."""
         features = points
         for layer in self.shared:
             features = functional.leaky_relu(layer(features), 0.1)
         return features
 
     def pooled(self, features: Float[torch.Tensor, "batch points 256"]) -> Float[torch.Tensor, "batch size"]:
-        """Feature of each cloud by those of its points."""
+        """Return pool the features of points to one feature of each cloud."""
         pooled = functional.leaky_relu(self.hidden(features.amax(1)), 0.1)
         feature: torch.Tensor = self.output(pooled)
         return feature

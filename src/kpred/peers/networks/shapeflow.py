@@ -46,7 +46,7 @@ class ShapeFlowConfig:
             raise ConfigError("code_size, width and steps must be at least 1.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return {**dataclasses.asdict(self), "sources": list(self.sources)}
 
 
@@ -64,7 +64,7 @@ class ShapeFlow(nn.Module):
         self.output = nn.Linear(width, 3)
 
     def rows(self, model_ids: tuple[str, ...]) -> Int[Tensor, " shapes"]:
-        """Rows of the codes of these shapes.
+        """Return rows of the codes of these shapes.
 
         Raises:
             ModelError: if one was not among the shapes of the training.
@@ -72,13 +72,13 @@ class ShapeFlow(nn.Module):
         return known_rows(self.config.sources, model_ids).to(self.codes.device)
 
     def code(self, rows: Int[Tensor, " batch"]) -> Float[Tensor, "batch size"]:
-        """Codes by row."""
+        """Return codes by row."""
         return CODE_RATE * self.codes[rows]
 
     def velocity(
         self, points: Float[Tensor, "batch points 3"], codes: Float[Tensor, "batch size"]
     ) -> Float[Tensor, "batch points 3"]:
-        """Direction and speed at each place under a code on the way between hub and shape, before scaling."""
+        """Predict the velocity at each place under a code between hub and shape, before scaling."""
         features = points.new_zeros(())
         for layer, (place, code) in enumerate(zip(self.places, self.of_codes, strict=True)):
             known = place(points) + code(codes)[:, None]
@@ -89,13 +89,13 @@ class ShapeFlow(nn.Module):
     def from_hub(
         self, points: Float[Tensor, "batch points 3"], codes: Float[Tensor, "batch size"]
     ) -> Float[Tensor, "batch points 3"]:
-        """Points of the hub carried to the shapes of these codes."""
+        """Carry points of the hub to the shapes of these codes."""
         return self._flown(points, codes, 0.0, 1.0)
 
     def to_hub(
         self, points: Float[Tensor, "batch points 3"], codes: Float[Tensor, "batch size"]
     ) -> Float[Tensor, "batch points 3"]:
-        """Points of the shapes of these codes carried to the hub."""
+        """Carry points of the shapes of these codes to the hub."""
         return self._flown(points, codes, 1.0, 0.0)
 
     def _flown(self, points: Tensor, codes: Tensor, begin: float, end: float) -> Tensor:

@@ -45,7 +45,7 @@ class URedConfig:
             raise ConfigError("parts, width, rounds and heads must be at least 1, and the heads must divide the width.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return dataclasses.asdict(self)
 
 
@@ -62,7 +62,7 @@ class PointDecoder(nn.Module):
     def forward(
         self, features: Float[Tensor, "_ points 256"], *codes: Float[Tensor, "_ 256"]
     ) -> Float[Tensor, "_ points 3"]:
-        """Numbers of each point; a batch of one is used for as many codes as there are."""
+        """Decode numbers of each point; a batch of one is repeated for all codes."""
         mixed = self.point(features)
         for layer, code in zip(self.codes, codes, strict=True):
             mixed = mixed + layer(code)[:, None]
@@ -93,12 +93,12 @@ class URed(nn.Module):
         self.whole, self.partial = Branch(config, codes=2), Branch(config, codes=3)
 
     def part_codes(self, features: Float[Tensor, "batch points 256"], boxes: PartBoxes) -> Tensor:
-        """(batch, parts, 256) mean feature of each part's points; zero for empty parts."""
+        """Average the features of each part's points, (batch, parts, 256); zero for empty parts."""
         count = boxes.parts.shape[-1]
         member = functional.one_hot(boxes.labels, count).to(features.dtype)
         return member.transpose(1, 2) @ features / member.sum(1).clamp(min=1)[..., None]
 
     @staticmethod
     def score(residuals: Float[Tensor, "batch points 3"]) -> Float[Tensor, " batch"]:
-        """What sources are retrieved by: the mean L1 length of their residuals (unit box)."""
+        """Compute the retrieval score: the mean L1 length of the residuals (unit box)."""
         return residuals.abs().sum(2).mean(1)

@@ -53,7 +53,7 @@ class Uy2021Config:
             raise ConfigError("parts, code_size and part_code_size must be at least 1.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for config.json and checkpoints."""
+        """Return plain values for config.json and checkpoints."""
         return {**dataclasses.asdict(self), "sources": list(self.sources)}
 
 
@@ -73,7 +73,7 @@ class Uy2021(nn.Module):
         self.output = nn.Linear(256, 6)
 
     def rows(self, model_ids: tuple[str, ...]) -> Int[Tensor, " sources"]:
-        """Rows of the codes of these sources.
+        """Return rows of the codes of these sources.
 
         Raises:
             ModelError: if one was not among the sources of the training.
@@ -81,12 +81,12 @@ class Uy2021(nn.Module):
         return known_rows(self.config.sources, model_ids).to(self.source_codes.device)
 
     def encode(self, targets: Float[Tensor, "batch points 3"]) -> Float[Tensor, "batch size"]:
-        """What the deformation knows of targets."""
+        """Encode targets for the deformation."""
         code: Tensor = self.target_encoder(targets)
         return code
 
     def motion(self, codes: Float[Tensor, "batch size"], rows: Int[Tensor, " batch"]) -> Float[Tensor, "batch parts 6"]:
-        """How the parts of one source each should move and grow for a target, before contacts are kept."""
+        """Predict how the parts of each source move and grow for its target, before contacts are kept."""
         parts = CODE_RATE * self.part_codes[rows]
         both = torch.cat([codes, CODE_RATE * self.source_codes[rows]], dim=1)
         features = torch.cat([both[:, None].expand(-1, parts.shape[1], -1), parts], dim=2)
@@ -101,13 +101,13 @@ class Uy2021(nn.Module):
         points: Float[Tensor, "batch points 3"],
         boxes: PartBoxes,
     ) -> Float[Tensor, "batch points 3"]:
-        """Sources (rows of the codes, their points and parts) deformed to targets, one to one."""
+        """Deform sources (rows of the codes, their points and parts) to targets, one to one."""
         return boxes.moved(points, self.motion(codes, rows))
 
     def distances(
         self, targets: Float[Tensor, "batch points 3"], rows: Int[Tensor, " sources"]
     ) -> Float[Tensor, "batch sources"]:
-        """Squared distance in the retrieval embedding, every source by its own widths (Mahalanobis)."""
+        """Compute squared Mahalanobis distances in the retrieval embedding, by each source's widths."""
         place: Tensor = self.retrieval_encoder(targets)
         width = torch.sigmoid(CODE_RATE * self.region_widths[rows])
         return ((place[:, None] - CODE_RATE * self.region_centers[rows]).square() * width).sum(2)

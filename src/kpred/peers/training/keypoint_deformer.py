@@ -24,7 +24,7 @@ class KeypointDeformerStage(SingleStage[KeypointDeformerTraining]):
         self.network, self.data, self.config = network, data, config
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Loss terms of one random batch of source/target pairs."""
+        """Compute the loss terms of one random batch of source/target pairs."""
         config, data, network = self.config, self.data, self.network
         batch = self.settings.batch
         target = data.draw_targets(batch, config.points, config.stretch, generator)

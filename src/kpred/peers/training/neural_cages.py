@@ -29,7 +29,7 @@ class NeuralCagesStage(SingleStage[NeuralCagesTraining]):
         self.network, self.data, self.config = network, data, config
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Loss terms of one batch of pairs; a quarter of the sources are deformed to themselves too."""
+        """Compute the loss terms of one batch of pairs, a quarter of them of a source with itself."""
         config, data, network, batch = self.config, self.data, self.network, self.settings.batch
         target = data.draw_targets(batch, config.points, config.stretch, generator)
         source = data.points[data.draw_sources(batch, generator), : config.points]
@@ -50,7 +50,7 @@ class NeuralCagesStage(SingleStage[NeuralCagesTraining]):
 
 
 def normal_change(before: Float[Tensor, "batch points 3"], after: Float[Tensor, "batch points 3"]) -> Float[Tensor, ""]:
-    """Mean of 1 - cosine between the points' normals before and after; normals by two neighbours before."""
+    """Compute the mean of 1 - cosine between the points' normals before and after."""
     with torch.no_grad():
         few = min(NEIGHBOURS + 1, before.shape[1])
         near = squared_distance_matrix(before, before).topk(few, largest=False).indices[..., 1:]
@@ -68,6 +68,6 @@ def _normals(points: Tensor, pair: Tensor) -> Tensor:
 
 
 def _gathered(points: Tensor, index: Tensor) -> Tensor:
-    """(batch, points, k, 3) rows of the points."""
+    """Gather rows (batch, points, k, 3) of the points."""
     flat = torch.gather(points, 1, index.flatten(1)[..., None].expand(-1, -1, 3))
     return flat.unflatten(1, index.shape[1:])

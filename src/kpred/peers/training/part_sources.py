@@ -34,16 +34,16 @@ class PartSources:
     boxes: PartBoxes
 
     def to(self, device: torch.device | str) -> PartSources:
-        """The same on a device."""
+        """Move all arrays to a device."""
         return PartSources(self.model_ids, self.points.to(device), self.boxes.to(device))
 
     def some(self, rows: Int[Tensor, " rows"], count: int) -> tuple[Tensor, PartBoxes]:
-        """The first points of the sources of these rows, (rows, count, 3), and their parts."""
+        """Return the first points of the sources of these rows, (rows, count, 3), and their parts."""
         return self.points[rows, :count], self.boxes.take(rows).first(count)
 
 
 def cut(mesh: Mesh, vertices: Tensor, points: Float[Tensor, "points 3"], parts: int) -> PartBoxes:
-    """A source's given points cut into at most `parts` parts.
+    """Cut a source's given points into at most `parts` parts.
 
     Args:
         mesh: cleaned, so that its parts are numbered alike in training and use; vertices: its own in the unit box.
@@ -90,7 +90,7 @@ def read_part_sources(
 
 
 def refuse_twins(names: Sequence[str]) -> None:
-    """Ids by which shapes are known later must be their own.
+    """Refuse duplicate ids, since shapes are identified by them later.
 
     Raises:
         PackError: if two shapes have one id.

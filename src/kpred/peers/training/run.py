@@ -115,7 +115,7 @@ def run_peer(
     resume: bool = True,
     log: bool = True,
 ) -> None:
-    """The steps of a training that is prepared, and the weights with their record.
+    """Run a prepared training, and write the weights with their record.
 
     Raises:
         CheckpointError: if the folder holds a run with other settings or sources.
@@ -207,7 +207,7 @@ def _shapeflow(
 
 
 def _made(build: Callable[[], Any], seed: int) -> Any:
-    """A fresh network; the caller's random state is left as it was."""
+    """Return initialise a fresh network, preserving the caller's random state."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return build()

@@ -21,7 +21,7 @@ class ShapeFlowStage(SingleStage[ShapeFlowTraining]):
         self.network, self.data, self.config = network, data, config
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Loss of one batch of pairs."""
+        """Compute the loss of one batch of pairs."""
         data, batch = self.data, self.settings.batch
         source = data.sources[data.draw_sources(batch, generator)]
         target = torch.randint(0, len(data.targets), (batch,), generator=generator, device=data.device)

@@ -24,7 +24,7 @@ class URedStage(SingleStage[URedTraining]):
         self.network, self.data, self.sources, self.config = network, data, sources, config
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Loss terms of one batch of targets, each whole and partial, with one source."""
+        """Compute the loss terms of one batch of targets, each whole and partial, with one source."""
         config, network, data, batch = self.config, self.network, self.data, self.settings.batch
         target = data.draw_targets(batch, config.points, config.stretch, generator)
         seen = random_slices(target, config.occlusion, generator)
@@ -57,14 +57,14 @@ class URedStage(SingleStage[URedTraining]):
 
 
 def residual_error(target: Tensor, result: Tensor, residual: Tensor) -> Tensor:
-    """Mean L1 distance of the target's points, moved by the residuals, to the points of the result nearest to them."""
+    """Compute the mean L1 distance of the target's points, moved by the residuals, to the result."""
     _, index = nearest_neighbours(target, result)
     nearest = torch.gather(result, 1, index[..., None].expand(-1, -1, 3))
     return (target + residual - nearest).abs().sum(2).mean() + 0.01 * residual.abs().sum(2).mean()
 
 
 def _cloud_error(found: Tensor, wanted: Tensor) -> Tensor:
-    """Of clouds whose points belong to each other in order."""
+    """Compute the error of clouds whose points correspond in order."""
     return (found - wanted).square().sum(2).mean()
 
 

@@ -31,7 +31,7 @@ class Uy2021Stage(SingleStage[Uy2021Training]):
         self.everyone = torch.arange(len(sources.model_ids), device=data.device)
 
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
-        """Loss terms of one batch of targets, each with several sources."""
+        """Compute the loss terms of one batch of targets, each with several sources."""
         config, network, batch = self.config, self.network, self.settings.batch
         target = self.data.draw_targets(batch, config.points, config.stretch, generator)
         rows = self._candidates(step, target, generator)
@@ -53,7 +53,7 @@ class Uy2021Stage(SingleStage[Uy2021Training]):
 
     @torch.no_grad()
     def _candidates(self, step: int, target: Tensor, generator: torch.Generator) -> Tensor:
-        """(batch, candidates) rows of sources."""
+        """Return choose rows of sources (batch, candidates)."""
         count, batch, sources = self.config.candidates, len(target), len(self.everyone)
         rows = torch.randint(0, sources, (batch, count), generator=generator, device=target.device)
         if step < self.config.warmup:

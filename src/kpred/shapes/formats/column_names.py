@@ -74,7 +74,7 @@ def _plain(name: str) -> str:
 
 
 def _stripped(name: str) -> str:
-    """The words of a name without those that only say that it is a coordinate; normals are none."""
+    """Remove affixes that only mark a coordinate from the words of a name; normals have no coordinate."""
     words = [word for word in re.split(r"[\s_.\-]+", name) if word]
     left = [word for word in words if word not in _AFFIXES]
     return left[0] if len(left) == 1 and len(words) <= 4 else name

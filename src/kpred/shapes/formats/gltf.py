@@ -62,7 +62,7 @@ def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _nodes(file: GltfFile) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """Nodes of the default scene with their (4, 4) transforms to the world; of a file without scenes, all roots."""
+    """Yield nodes of the default scene with their (4, 4) transforms to the world; without scenes, all roots."""
     entries = file.content.get("nodes")
     total = len(entries) if isinstance(entries, list) else 0
     scenes = file.content.get("scenes")
@@ -89,7 +89,7 @@ def _list(value: Any) -> list[Any]:
 
 
 def _transform(file: GltfFile, node: dict[str, Any]) -> np.ndarray:
-    """The (4, 4) matrix of a node, for column vectors."""
+    """Return the (4, 4) matrix of a node, for column vectors."""
     try:
         if "matrix" in node:
             matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
@@ -116,7 +116,7 @@ def _composed(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) 
 
 
 def _instances(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
-    """The (4, 4) transforms of a node's mesh within the node: one, or those of its instances."""
+    """Return the (4, 4) transforms of a node's mesh within the node, one per instance."""
     extensions = node.get("extensions")
     instancing = extensions.get(_INSTANCING) if isinstance(extensions, dict) else None
     attributes = instancing.get("attributes") if isinstance(instancing, dict) else None
@@ -146,7 +146,7 @@ def _instances(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
 def _primitives(
     file: GltfFile, mesh: dict[str, Any], node: dict[str, Any], positions: dict[int, np.ndarray]
 ) -> Iterator[_Primitive]:
-    """The meshes of one node; `positions` keeps accessors, which many primitives may have in common."""
+    """Read the meshes of one node; `positions` caches accessors that primitives share."""
     weights = node.get("weights", mesh.get("weights"))
     entries = mesh.get("primitives")
     for primitive in entries if isinstance(entries, list) else []:

@@ -16,7 +16,7 @@ _MAX_COUNT = 1 << 26
 
 
 def read_accessor(file: GltfFile, number: Any) -> np.ndarray:
-    """(N, width) array of an accessor; normalised integers become fractions of 1, others keep their type.
+    """Read the array (N, width) of an accessor; normalised integers become fractions of 1.
 
     Raises:
         MeshError: it refers to what is not there, or to fewer bytes than it needs.
@@ -64,7 +64,7 @@ def _strided(
 
 
 def _sparse(file: GltfFile, sparse: dict[str, Any], values: np.ndarray) -> np.ndarray:
-    """The values with those put in that differ from the base."""
+    """Apply the sparse values to the base values."""
     count = whole(sparse, "count", file.path)
     places, changes = sparse.get("indices"), sparse.get("values")
     if not isinstance(places, dict) or not isinstance(changes, dict):

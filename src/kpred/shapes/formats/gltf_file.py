@@ -49,7 +49,7 @@ class GltfFile:
     _buffers: dict[int, bytes] = field(default_factory=dict)
 
     def item(self, kind: str, number: Any) -> dict[str, Any]:
-        """Entry `number` of one of the lists of the JSON, such as `accessors`.
+        """Return entry `number` of one of the lists of the JSON, such as `accessors`.
 
         Raises:
             MeshError: there is none.
@@ -62,7 +62,7 @@ class GltfFile:
         raise MeshError(f"{self.path}: it refers to {kind} {str(number)[:20]}, which is not there; export it again.")
 
     def view(self, number: Any) -> tuple[bytes, int | None]:
-        """Bytes of a buffer view, decoded where it is compressed, and its stride if it has one.
+        """Return the decoded bytes of a buffer view, and its stride if it has one.
 
         Raises:
             MeshError: it lies outside of its buffer, or cannot be decoded.
@@ -154,7 +154,7 @@ def read_gltf_file(path: Path) -> GltfFile:
 
 
 def whole(entry: dict[str, Any], key: str, path: Path, default: int | None = None) -> int:
-    """A number of the JSON that is whole and not negative.
+    """Read a number of the JSON that must be whole and not negative.
 
     Raises:
         MeshError: it is missing or none.
@@ -190,7 +190,7 @@ def _data_uri(uri: str, path: Path) -> bytes:
 
 
 def _beside(uri: str, path: Path) -> bytes:
-    """The bytes of a file that lies in the folder of the glTF file or below it; its name may be percent-encoded."""
+    """Read a file in or below the folder of the glTF file; its name may be percent-encoded."""
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", uri):
         raise MeshError(f"{path}: its data lies at {uri[:60]}, which is not read; export it as one .glb.")
     for name in dict.fromkeys((unquote(uri), uri, unquote(uri).replace("\\", "/"))):

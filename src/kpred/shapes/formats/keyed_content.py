@@ -72,7 +72,7 @@ def dictionaries(content: Any) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def numbers(file: Path, content: Any) -> np.ndarray:
-    """Numbers of nested lists as a float64 array.
+    """Convert numbers of nested lists to a float64 array.
 
     Raises:
         ConfigError: something else stands there, or rows differ in length.
@@ -121,7 +121,7 @@ def _text(text: str) -> Any:
 
 
 def _value(text: str) -> Any:
-    """A number, a list of numbers, or the text itself."""
+    """Parse a number, a list of numbers, or the text itself."""
     words = text.strip("[](){};,").replace(",", " ").split()
     try:
         found = [float(word) for word in words]

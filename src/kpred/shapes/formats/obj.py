@@ -90,7 +90,7 @@ def obj_lines(vertices: np.ndarray, faces: np.ndarray, parts: np.ndarray | None,
 
 
 def _logical_lines(stream: Iterable[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Lines with their numbers, without leading blanks and comments; a backslash at the end joins the next line."""
+    """Yield lines with their numbers, without leading blanks and comments; a backslash joins the next line."""
     held: list[bytes] = []
     for number, raw in enumerate(stream, start=1):
         line = raw.partition(b"#")[0] + b"\n" if b"#" in raw and not raw.startswith((b"o", b"g", b"m", b"u")) else raw

@@ -82,7 +82,7 @@ def _by_line(lines: list[bytes]) -> _Parsed:
 
 
 def _free_form(lines: list[bytes]) -> _Parsed:
-    """Numbers that are separated by any white space; all of them must be used, or some would be read as others."""
+    """Parse numbers separated by any white space; all of them must be used."""
     words = b" ".join(lines).split()
     vertex_count, face_count = _counts(words, len(words))
     at = 3 + 3 * vertex_count

@@ -78,7 +78,7 @@ def _binary_element(path: Path, element: PlyElement, order: str, data: bytes, at
 
 
 def _equal_lists(element: PlyElement, order: str, data: bytes, at: int) -> tuple[Columns, int] | None:
-    """The fast way: all records have lists of the lengths that the first one has; None if they do not."""
+    """Read records whose lists all have the lengths of the first, quickly; None if they do not."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     place = at
     for number, item in enumerate(element.properties):
@@ -112,7 +112,7 @@ def _equal_lists(element: PlyElement, order: str, data: bytes, at: int) -> tuple
 
 
 def _ragged(element: PlyElement, order: str, data: bytes, at: int) -> tuple[Columns, int]:
-    """Where a list begins is known only after all before it, so that the lengths are walked one by one."""
+    """Read records with lists of different lengths, one by one."""
     places = [array("q") for _ in element.properties]
     sizes = [array("q") for _ in element.properties]
     steps = [
@@ -151,7 +151,7 @@ def _ragged(element: PlyElement, order: str, data: bytes, at: int) -> tuple[Colu
 
 
 def _gathered(raw: np.ndarray, starts: np.ndarray, item: PlyProperty, order: str) -> np.ndarray:
-    """(N,) values that begin at these bytes."""
+    """Gather values (N,) that begin at these bytes."""
     width = np.dtype(item.kind).itemsize
     taken = raw[starts[:, None] + np.arange(width)]
     return np.ascontiguousarray(taken).view(f"{order}{item.kind}").reshape(-1).astype(item.kind)
@@ -220,7 +220,7 @@ def _text_columns(path: Path, element: PlyElement, values: np.ndarray, rows: lis
 
 
 def _equal_text_lists(element: PlyElement, values: np.ndarray, count: int) -> Columns | None:
-    """The fast way: all records have lists of the lengths that the first one has; None if they do not."""
+    """Read text records whose lists all have the lengths of the first; None if they do not."""
     if not count or len(values) % count:
         return None
     table, at = values.reshape(count, -1), 0

@@ -16,7 +16,7 @@ _TYPES = {
     **{"int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8", "long": "i4"},
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST = 1 << 20
+_MAX_HEADER = 1 << 20
 _END = re.compile(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r|$)")
 
 
@@ -48,11 +48,11 @@ class PlyElement:
         return any(item.length is not None for item in self.properties)
 
     def dtype(self, order: str) -> np.dtype:
-        """The type of one binary record without lists; order is "<" or ">"."""
+        """Return the type of one binary record without lists; order is "<" or ">"."""
         return np.dtype([(item.name, f"{order}{item.kind}") for item in self.properties])
 
     def least_size(self) -> int:
-        """Bytes of the smallest binary record: lists are empty."""
+        """Return the bytes of the smallest binary record, with empty lists."""
         return sum(np.dtype(item.length or item.kind).itemsize for item in self.properties)
 
 
@@ -72,11 +72,11 @@ class PlyHeader:
     lone_returns: bool = False
 
     def count(self, *names: str) -> int:
-        """How many of these elements the file has."""
+        """Return the number of elements of this name."""
         return sum(element.count for element in self.elements if element.name in names)
 
     def element(self, name: str) -> PlyElement | None:
-        """The first element of this name."""
+        """Return the first element of this name."""
         return next((element for element in self.elements if element.name == name), None)
 
 
@@ -87,7 +87,7 @@ def read_ply_header(path: Path) -> PlyHeader:
         ScanError: it is not a PLY file or its header is damaged.
     """
     with open(path, "rb") as stream:
-        data = stream.read(_LONGEST)
+        data = stream.read(_MAX_HEADER)
     mark = 3 if data.startswith(b"\xef\xbb\xbf") else 0
     if data[mark : mark + 3].lower() != b"ply" or data[mark + 3 : mark + 4] not in (b"\r", b"\n", b" "):
         raise ScanError(f"{path}: it is not a PLY file; give the right extension or export the scan again.")
@@ -128,7 +128,7 @@ def _parsed(lines: list[str]) -> tuple[str, tuple[PlyElement, ...]]:
 
 
 def _unique(properties: list[PlyProperty]) -> tuple[PlyProperty, ...]:
-    """The first property of a name keeps it; later ones get a number, which no name can hold after a blank."""
+    """Make the names of properties unique by numbers after a blank, which no name can hold."""
     names = [item.name for item in properties]
     return tuple(
         PlyProperty(f"{item.name} {number}" if item.name in names[:number] else item.name, item.kind, item.length)

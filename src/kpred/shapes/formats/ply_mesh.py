@@ -37,7 +37,7 @@ def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def ply_positions(columns: Columns, path: Path) -> np.ndarray:
-    """(V, 3) float64 of the properties x, y and z.
+    """Return the properties x, y and z, (V, 3) float64.
 
     Raises:
         MeshError: they are not there.
@@ -49,7 +49,7 @@ def ply_positions(columns: Columns, path: Path) -> np.ndarray:
 
 
 def strip_triangles(indices: np.ndarray) -> np.ndarray:
-    """(N,) indices of triangle strips, each ended by -1 -> (F, 3) triangles of one winding; repeats give none."""
+    """Convert indices (N,) of triangle strips, each ended by -1, to triangles (F, 3) of one winding."""
     if len(indices) < 3:
         return np.zeros((0, 3), dtype=np.int64)
     corners = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
@@ -64,7 +64,7 @@ def strip_triangles(indices: np.ndarray) -> np.ndarray:
 
 
 def _indices(columns: Columns, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertex indices of faces or strips, one after the other, and how many each has."""
+    """Return vertex indices of faces or strips, concatenated, and the size of each."""
     lists = {name: column for name, column in columns.items() if isinstance(column, PlyLists)}
     for name in ("vertex_indices", "vertex_index", *lists):
         if name in lists:

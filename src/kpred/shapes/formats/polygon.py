@@ -41,7 +41,7 @@ def triangulate(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) ->
 
 
 def split_quads(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """(Q, 4) vertex indices -> (2 Q, 3) triangles, those of quad i in rows 2 i and 2 i + 1.
+    """Split quads (Q, 4) into triangles (2 Q, 3), those of quad i in rows 2 i and 2 i + 1.
 
     A concave quad is cut along the diagonal that lies inside it.
     """
@@ -54,7 +54,7 @@ def split_quads(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
 
 
 def split_polygon(vertices: np.ndarray, corners: np.ndarray | list[int]) -> np.ndarray:
-    """(n,) vertex indices of one polygon -> (n - 2, 3) triangles, by clipping ears; fewer if corners coincide.
+    """Triangulate one polygon (n,) to (n - 2, 3) by clipping ears; fewer if corners coincide.
 
     Seen along Newell's normal. A polygon without an area or with very many corners is cut as a fan.
     """
@@ -81,7 +81,7 @@ def split_polygon(vertices: np.ndarray, corners: np.ndarray | list[int]) -> np.n
 
 
 def _fan(outline: np.ndarray) -> np.ndarray:
-    """(n,) vertex indices -> (max(n - 2, 0), 3) triangles around the first corner."""
+    """Triangulate (n,) vertex indices around the first corner, (max(n - 2, 0), 3)."""
     count = max(len(outline) - 2, 0)
     first = np.full(count, outline[0] if count else 0, dtype=np.int64)
     return np.stack([first, outline[1 : count + 1], outline[2 : count + 2]], axis=1)

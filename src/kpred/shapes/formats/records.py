@@ -24,7 +24,7 @@ _DECIMAL_COMMA = re.compile(rb"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
 def truncated(name: str, found: int, wanted: int) -> ScanError:
-    """The error for a file that ends before its last point."""
+    """Return the error for a file that ends before its last point."""
     return ScanError(f"{name}: the file is cut short ({found} of {wanted} points are there); copy it again.")
 
 
@@ -72,7 +72,7 @@ def text_records(
 
 
 def parse_numbers(text: bytes) -> np.ndarray | None:
-    """(N,) float64 of numbers that are separated by white space; None where anything else stands there."""
+    """Parse numbers (N,) float64 separated by white space; None for any other text."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)
         try:
@@ -122,7 +122,7 @@ def _ragged_rows(
 
 
 def number_of(token: bytes) -> float:
-    """One number, as programs write it: with a decimal comma, in quotes, or NaN in the words of some runtime.
+    """Parse one number with a decimal comma, in quotes, or NaN in the words of some runtime.
 
     Raises:
         ValueError: it is none.
@@ -139,7 +139,7 @@ def number_of(token: bytes) -> float:
 
 
 def split_line(line: bytes) -> list[bytes]:
-    """Columns of a line; separated by semicolons, commas (empty columns count), tabs, bars or white space."""
+    """Split a line at semicolons, commas (empty columns count), tabs, bars or white space."""
     if len(line) > _MAX_LINE:
         return []
     if b'"' in line:
@@ -156,7 +156,7 @@ def split_line(line: bytes) -> list[bytes]:
 
 
 def _has_decimal_commas(line: bytes) -> bool:
-    """Whether at least three words of white space stand there, and the commas are those of numbers such as 1,5."""
+    """Test whether a line has three words or more, and its commas are decimal ones such as 1,5."""
     words = line.split()
     commas = [word for word in words if b"," in word]
     return (

@@ -88,7 +88,7 @@ def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) 
 
 
 def _table(array: np.ndarray, wrong: ScanError) -> np.ndarray:
-    """(N, 3 or more) points of an array of two axes, or of three, as organised clouds have them."""
+    """Return the points (N, 3 or more) of a two-dimensional array, or of an organised cloud."""
     shape = array.shape
     if len(shape) == 3:
         if 3 <= shape[2] <= _MAX_CHANNELS and (shape[0] != 3 or shape[2] == 3):
@@ -150,7 +150,7 @@ def _whole(stream: IO[bytes] | zipfile.ZipExtFile, name: str, count: int, dtype:
 
 
 def _structured(records: np.ndarray, name: str) -> Iterator[np.ndarray]:
-    """Points of records with fields x, y and z, or with one field of three numbers."""
+    """Return the points of records with fields x, y and z, or with one field of three numbers."""
     fields = {field.lower(): records[field] for field in records.dtype.names or ()}
     if {"x", "y", "z"} <= set(fields):
         columns = [fields[axis].reshape(len(records), -1)[:, 0] for axis in "xyz"]

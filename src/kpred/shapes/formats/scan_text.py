@@ -69,7 +69,7 @@ def text_points(path: Path) -> Iterator[np.ndarray]:
 
 
 def _is_row(values: list[bytes]) -> bool:
-    """Whether numbers stand in the first three columns, or behind one word in the next three."""
+    """Test whether the first three columns are numbers, or the next three after one word."""
     return all(map(_is_number, values[:3])) and bool(values) or (len(values) >= 4 and all(map(_is_number, values[1:4])))
 
 
@@ -90,7 +90,7 @@ def _check_titles(titles: list[list[bytes]], width: int, path: Path) -> None:
 
 
 def _unnamed_columns(sample: list[bytes]) -> tuple[int, int, int]:
-    """The first three columns, or the next three where the first holds names or counts the rows."""
+    """Return the first three columns, or the next three where the first holds names or row numbers."""
     rows = [split_line(line.split(b"#", 1)[0]) for line in sample if line.strip()]
     rows = [row for row in rows if len(row) >= 4]
     if len(rows) < 2 or len(rows) < len(sample) // 2:

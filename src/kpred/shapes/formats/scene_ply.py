@@ -39,5 +39,5 @@ def vertex_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def plain_columns(columns: Columns) -> dict[str, np.ndarray]:
-    """Properties that hold one number a record."""
+    """Return the properties that hold one number a record."""
     return {name: column for name, column in columns.items() if not isinstance(column, PlyLists)}

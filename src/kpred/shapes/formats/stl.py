@@ -64,7 +64,7 @@ def _text(data: bytes, path: Path) -> np.ndarray:
 
 
 def _welded(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3 F, 3) corners -> the different ones in lexical order, and the faces by them."""
+    """Weld corners (3 F, 3): the unique ones in lexical order, and the faces (F, 3)."""
     if not len(corners):
         return corners, np.zeros((0, 3), dtype=np.int64)
     points = corners + 0.0  # -0.0 becomes 0.0

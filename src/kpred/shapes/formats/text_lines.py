@@ -19,7 +19,7 @@ _MARKS = (
 
 @contextmanager
 def open_lines(path: Path) -> Iterator[Iterable[bytes]]:
-    """Open a text file as lines of UTF-8 bytes that end in a line feed; a byte order mark is left out.
+    """Open a text file as UTF-8 lines that end in a line feed, without a byte order mark.
 
     Files of one byte a character are read as they are, whatever their encoding; only lone carriage returns become line
     feeds.

@@ -101,7 +101,7 @@ class _OwnBox:
 
 
 def _own_box(surface: _Surface, vertices: np.ndarray) -> _OwnBox:
-    """One part's box along its own axes, by its faces and vertices."""
+    """Compute one part's box along its own axes, by its faces and vertices."""
     area = float(surface.areas.sum())
     axes = own_axes(surface.normals, surface.areas, surface.planar, vertices)
     local = vertices @ axes.T

@@ -140,7 +140,7 @@ def thickness_ratios(
 
 
 def _box(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, float]:
-    """Lowest corner and longest side of what the faces use; a side of 1 for a single point or none."""
+    """Return lowest corner and longest side of the vertices in use; a side of 1 for a single point or none."""
     if not len(faces):
         return np.zeros(3), 1.0
     corners = vertices[faces.reshape(-1)].astype(np.float64)
@@ -155,7 +155,7 @@ def _in_unit_box(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _asymmetry(before: np.ndarray, after: np.ndarray, mirror: float, structure: Structure) -> float | None:
-    """RMS distance of vertices to the mirror images of their partners across the best plane, beyond the source's."""
+    """Measure the RMS distance of vertices to their partners' mirror images, beyond the source's."""
     if np.isnan(mirror):
         return None
     # The part is a fourth coordinate: where parts touch, a vertex has its partner in the part that mirrors its own.
@@ -182,7 +182,7 @@ def _mirror_rms(vertices: np.ndarray, one: np.ndarray, other: np.ndarray) -> flo
 def _contact_gaps(
     maps: PartMaps, points: np.ndarray, contacts: Int[np.ndarray, "contacts 2"], axes: np.ndarray, boxes: np.ndarray
 ) -> np.ndarray:
-    """Growth of the gap at each contact point: from where one part carries it to the other part's deformed box.
+    """Measure the growth of the gap at each contact point between the deformed parts.
 
     Parts may slide along one another: there is no gap as long as they touch. `boxes` are in the frame of the points.
     """

@@ -52,7 +52,7 @@ def _shared_box(
     middle: np.ndarray,
     half: np.ndarray,
 ) -> np.ndarray | None:
-    """(2, 3) corners of the box that two parts' surfaces have in common; None if they only seem to touch."""
+    """Compute the corners (2, 3) of the box common to two parts' surfaces; None if there is none."""
     inside = []
     for one, other in ((first, second), (second, first)):
         close = members[one][(np.abs(members[one] - middle) <= half + _NEAR).all(axis=1)]
@@ -71,7 +71,7 @@ def _shared_box(
 
 
 def _world_boxes(axes: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest coordinates (C, 3) of oriented boxes."""
+    """Compute lowest and highest coordinates (C, 3) of oriented boxes."""
     middle = np.einsum("ckj,ck->cj", axes, boxes.mean(axis=1))
     reach = np.einsum("ckj,ck->cj", np.abs(axes), (boxes[:, 1] - boxes[:, 0]) / 2)
     return middle - reach, middle + reach

@@ -77,7 +77,7 @@ def measure_edges(
 
 
 def _dihedral(frames: FaceFrames, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Oriented dihedral angles in degrees, -180 to 180: convex and concave differ, by the first face's winding."""
+    """Compute signed dihedral angles in degrees, -180 to 180, by the first face's winding."""
     other = frames.inward[second]
     sine = np.einsum("pi,pi->p", other, frames.normals[first // 3])
     cosine = np.einsum("pi,pi->p", other, frames.inward[first])
@@ -93,7 +93,7 @@ def _straightness(
     welded: np.ndarray,
     feature: np.ndarray,
 ) -> float:
-    """Mean RMS distance of chains of collinear feature edges to their best lines, beyond the source's, by length."""
+    """Measure the mean RMS distance of collinear edge chains to their best lines, beyond the source's."""
     halves = np.flatnonzero(feature)
     if not len(halves):
         return 0.0
@@ -113,7 +113,7 @@ def _straightness(
 
 
 def _chains(ends: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, int]:
-    """Chain of each edge, and their number: edges that meet in a position and are collinear are of one chain."""
+    """Return number the chain of each edge: edges that meet and are collinear are one chain; also their count."""
     keys = direction_keys(directions)
     first, second = pairs_in_groups(ends.reshape(-1), np.repeat(keys, 2), _PAIR_REACH)
     first, second = first // 2, second // 2

@@ -61,7 +61,7 @@ def face_frames(
 
 
 def edge_numbers(corners: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, " halfedges"]:
-    """Number the edge of each half-edge by the welded corners of the faces; -1 for no length.
+    """Return number the edge of each half-edge by the welded corners of the faces; -1 for no length.
 
     Numbers are equal where the ends are, in either order; they are neither consecutive nor in any order.
     """

@@ -63,7 +63,7 @@ def measure_facets(
 def _facet_normals(
     frames: tuple[FaceFrames, FaceFrames], kept: np.ndarray, facets: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(count, 3) unit normals of the facets in the source and in the result, faces weighted by area."""
+    """Compute unit normals (count, 3) of the facets in source and result, weighted by area."""
     normals, areas = frames[0].normals[kept], frames[0].areas[kept]
     largest = np.zeros((count, 3))
     by_area = np.argsort(areas, kind="stable")
@@ -79,14 +79,14 @@ def _facet_normals(
 
 
 def _tilts(before: np.ndarray, after: np.ndarray, areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Degrees that facets are farther off the nearest axis than in the source, and weights of those along one."""
+    """Measure degrees that facets tilt from the nearest axis beyond the source, and their weights."""
     axes = np.eye(3)[np.abs(before).argmax(axis=1)]
     tilt = line_angles(before, axes)
     return np.maximum(line_angles(after, axes) - tilt, 0.0), np.where(tilt <= ALIGNED_ANGLE, areas, 0.0)
 
 
 def _parallelism(before: np.ndarray, after: np.ndarray, areas: np.ndarray, parts: np.ndarray) -> float:
-    """Mean degrees between facets of a part that were parallel, beyond the source's, by the smaller one's area."""
+    """Measure mean degrees between a part's once parallel facets, beyond the source's, by smaller area."""
     # Of many facets of a part only those of similar directions are compared.
     first, second = pairs_in_groups(parts, direction_keys(before), _PAIR_REACH)
     angle = line_angles(before[first], before[second])
@@ -96,7 +96,7 @@ def _parallelism(before: np.ndarray, after: np.ndarray, areas: np.ndarray, parts
 
 
 def _facet_parts(faces: np.ndarray, facets: np.ndarray, count: int, structure: Structure) -> np.ndarray:
-    """(count,) part of each facet; -1 for numbers that no face has."""
+    """Return the part (count,) of each facet; -1 for numbers that no face has."""
     parts = np.full(count, -1)
     parts[facets] = structure.vertex_parts[faces[:, 0]]
     return parts

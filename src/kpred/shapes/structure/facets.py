@@ -44,7 +44,7 @@ _MAX_THIN_ROW = 256
 
 
 def weld(vertices: Float[np.ndarray, "vertices 3"], tolerance: float) -> Int[np.ndarray, " vertices"]:
-    """Number the positions of vertices from 0 in order of appearance; those within a tolerance of each other are one.
+    """Return number the positions of vertices from 0 in order of appearance; those within a tolerance are one.
 
     In the unit of the vertices. Vertices nearer than an eighth of the tolerance are always one, vertices farther apart
     than twice the tolerance only where others between them connect them. With tolerance 0 equal positions are one.
@@ -67,7 +67,7 @@ def weld(vertices: Float[np.ndarray, "vertices 3"], tolerance: float) -> Int[np.
 def planar_facets(
     vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> Int[np.ndarray, " faces"]:
-    """Number the planar facet of each face from 0 in order of appearance; -1 for curved surfaces.
+    """Return number the planar facet of each face from 0 in order of appearance; -1 for curved surfaces.
 
     A facet is a largest set of coplanar faces that welded edges connect; winding does not matter. It is curved if it
     continues smoothly on at least two sides, at bends of up to `SMOOTH_ANGLE` towards facets that are not much
@@ -106,7 +106,7 @@ def planar_facets(
 
 
 def _adopted_normals(frames: FaceFrames, edges: np.ndarray) -> np.ndarray:
-    """Normals (F, 3); a face of no area has that of its neighbour at its longest edge."""
+    """Compute normals (F, 3); a face of no area adopts that of its neighbour at its longest edge."""
     normals = frames.normals.copy()
     thin: np.ndarray = frames.areas <= 0
     if not thin.any():
@@ -128,7 +128,7 @@ def _adopted_normals(frames: FaceFrames, edges: np.ndarray) -> np.ndarray:
 
 
 def _strips(left: np.ndarray, right: np.ndarray, length: np.ndarray, area: np.ndarray) -> Bool[np.ndarray, " facets"]:
-    """Whether each facet is a strip of a curved surface, by the pairs of facets that meet in smooth bends."""
+    """Test whether each facet is a strip of a curved surface, by the pairs of facets that meet in smooth bends."""
     count = len(area)
     keys, index = np.unique(np.minimum(left, right) * count + np.maximum(left, right), return_inverse=True)
     shared = np.bincount(index.reshape(-1), length, len(keys))
@@ -143,7 +143,7 @@ def _strips(left: np.ndarray, right: np.ndarray, length: np.ndarray, area: np.nd
 
 
 def _bowed(vertices: np.ndarray, faces: np.ndarray, facets: np.ndarray) -> Bool[np.ndarray, " facets"]:
-    """Whether each facet drifts off its plane: bends too small to see that add up to a curved surface."""
+    """Test whether each facet drifts off its plane: small bends that add up to a curved surface."""
     count = int(facets.max()) + 1
     # One or two coplanar triangles cannot add up to anything, and most facets are no more.
     several = np.bincount(facets, minlength=count) > 2
@@ -164,7 +164,7 @@ def _components(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray
 
 
 def _in_order(labels: np.ndarray) -> np.ndarray:
-    """The same labels numbered from 0 by first appearance."""
+    """Return renumber labels from 0 by first appearance."""
     found, first, index = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(found), np.int64)
     rank[np.argsort(first)] = np.arange(len(found))

@@ -50,7 +50,7 @@ def own_axes(
 
 
 def _dominant(normals: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The mean of the normals around the one of the largest weight, signs aside."""
+    """Return the mean of the normals around the one of the largest weight, ignoring signs."""
     first = normals[int(weight.argmax())]
     cosine = normals @ first
     near = np.where(np.abs(cosine) > _SAME_NORMAL, weight * np.sign(cosine), 0.0)
@@ -60,7 +60,7 @@ def _dominant(normals: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _longest_across(vertices: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The direction in which vertices spread most, perpendicular to a normal."""
+    """Return the direction of largest spread perpendicular to a normal."""
     centred = vertices - vertices.mean(axis=0)
     centred = centred - np.outer(centred @ normal, normal)
     direction: np.ndarray = np.linalg.eigh(centred.T @ centred)[1][:, 2]
@@ -68,7 +68,7 @@ def _longest_across(vertices: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def _principal(vertices: np.ndarray) -> np.ndarray:
-    """Principal axes, longest first; where two spread alike, the world's axes complete the one that differs."""
+    """Return principal axes, longest first; world axes complete equal spreads."""
     centred = vertices - vertices.mean(axis=0)
     values, vectors = np.linalg.eigh(centred.T @ centred / len(vertices))
     spread = np.sqrt(np.maximum(values, 0.0))
@@ -87,7 +87,7 @@ def _principal(vertices: np.ndarray) -> np.ndarray:
 
 
 def _named(axes: np.ndarray) -> np.ndarray:
-    """The same directions as rows near x, y and z; the identity if they are within a degree of it."""
+    """Sort directions as rows near x, y and z; the identity if they are within a degree of it."""
     best = max(permutations(range(3)), key=lambda order: sum(abs(axes[order[k], k]) for k in range(3)))
     ordered = axes[list(best)]
     ordered = ordered * np.where(np.diag(ordered) < 0, -1.0, 1.0)[:, None]

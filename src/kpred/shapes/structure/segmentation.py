@@ -19,9 +19,9 @@ _WELD = 1e-5
 
 
 def vertex_parts(
-    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], most: int = MAX_PARTS
+    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], max_parts: int = MAX_PARTS
 ) -> Int[np.ndarray, " vertices"]:
-    """Find the part of each vertex, 0 to at most `most` - 1.
+    """Find the part of each vertex, 0 to at most `max_parts` - 1.
 
     Parts are connected components, the largest first; small ones join the part whose box is nearest to their middle.
     A vertex that no face uses belongs to the part nearest to it.
@@ -38,7 +38,7 @@ def vertex_parts(
     side = (high - low).max(axis=1)
     least = MIN_SIDE * float(np.ptp(vertices, axis=0).max())
     large = [c for c in order if side[c] >= least and area_of[c] > 0]
-    anchors = np.array((large or list(order))[:most])
+    anchors = np.array((large or list(order))[:max_parts])
     middle = (low + high) / 2
     # Distance from each piece's middle to each anchor's box; a piece inside several boxes joins the smallest of them.
     gap = np.maximum(0, np.maximum(low[anchors] - middle[:, None], middle[:, None] - high[anchors])).sum(axis=2)
@@ -49,7 +49,7 @@ def vertex_parts(
 
 
 def _components(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(V,) component of each vertex; positions are welded where hardly any faces are connected."""
+    """Return number the component of each vertex (V,); positions are welded where hardly any faces are connected."""
     found = _connected(faces, np.arange(len(vertices)))
     if found[faces[:, 0]].max(initial=0) + 1 > len(faces) / 2 and len(faces) > 2:
         size = float(np.ptp(vertices, axis=0).max()) or 1.0

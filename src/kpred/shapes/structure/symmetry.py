@@ -36,7 +36,7 @@ def mirror_symmetry(
 
 
 def _partners(low: np.ndarray, high: np.ndarray, areas: np.ndarray, plane: float) -> np.ndarray:
-    """(C,) the part that mirrors each across a plane, both ways, or -1."""
+    """Find the part (C,) that mirrors each across a plane, both ways, or -1."""
     mirrored_low, mirrored_high = low.copy(), high.copy()
     mirrored_low[:, 0], mirrored_high[:, 0] = 2 * plane - high[:, 0], 2 * plane - low[:, 0]
     off = np.maximum(np.abs(mirrored_low[:, None] - low[None]), np.abs(mirrored_high[:, None] - high[None])).max(axis=2)

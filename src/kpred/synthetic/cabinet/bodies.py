@@ -16,7 +16,7 @@ from kpred.synthetic.cabinet.fronts import (
     shelves,
     upright_board,
 )
-from kpred.synthetic.chance import between, happens, pick, shares, whole
+from kpred.synthetic.chance import between, fractions, happens, pick, whole
 from kpred.synthetic.parts import Part, box, frustum
 from kpred.synthetic.table.legs import LegStyle, any_leg_style, corners, leg_set, rails
 
@@ -24,7 +24,7 @@ from kpred.synthetic.table.legs import LegStyle, any_leg_style, corners, leg_set
 def carcass(
     width: float, depth: float, bottom: float, top: float, board: float, back: bool = True, rear: float | None = None
 ) -> tuple[list[Part], Opening]:
-    """Sides, bottom, top and back of a case, and the space inside, open to +z.
+    """Build sides, bottom, top and back of a case, and the space inside, open to +z.
 
     `width` and `depth` are outer measures, `bottom` and `top` the heights of the outer faces; the case's rear is at
     `rear`, or -depth / 2.
@@ -44,7 +44,7 @@ def carcass(
 
 
 def support(rng: np.random.Generator, width: float, depth: float, height: float, kind: str) -> list[Part]:
-    """What lifts a case by `height`: "plinth", "skirt", "legs", "sled", "feet" or "stand"."""
+    """Build the support of a case, `height` high: "plinth", "skirt", "legs", "sled", "feet" or "stand"."""
     if height <= 0.001:
         return []
     if kind == "plinth":
@@ -84,7 +84,7 @@ def support(rng: np.random.Generator, width: float, depth: float, height: float,
 
 
 def any_support(rng: np.random.Generator, low: float = 0.0, high: float = 0.25) -> tuple[str, float]:
-    """A kind for `support` with a height between `low` and `high` that suits it; none at times."""
+    """Draw a kind for `support` and its height between `low` and `high`; sometimes none."""
     kind = pick(rng, ("plinth", "skirt", "legs", "feet", "sled", "stand", "none"), (4, 1.5, 3, 1.5, 1, 1, 2))
     if kind == "none":
         return kind, 0.0
@@ -94,7 +94,7 @@ def any_support(rng: np.random.Generator, low: float = 0.0, high: float = 0.25) 
 
 
 def crown(rng: np.random.Generator, width: float, depth: float, top: float, chance: float = 0.5) -> list[Part]:
-    """A cover plate or cornice on a case's top; nothing with the probability 1 - `chance`. The front juts most."""
+    """Build a cover plate or cornice on a case's top, or nothing with the probability 1 - `chance`."""
     if not happens(rng, chance):
         return []
     over = between(rng, 0.0, 0.03)
@@ -120,7 +120,7 @@ def fill(
     kinds: Sequence[str],
     weights: Sequence[float | int] | None = None,
 ) -> list[Part]:
-    """Something of the named kinds in a cell: "open", "shelves", "doors", "drawers", "glass" or "mixed"."""
+    """Fill a cell with parts of the named kinds: "open", "shelves", "doors", "drawers", "glass" or "mixed"."""
     kind = pick(rng, kinds, weights)
     if kind == "drawers":
         pitch = between(rng, 0.16, 0.3)
@@ -145,11 +145,11 @@ def fill(
 def divided(
     rng: np.random.Generator, space: Opening, columns: int, uneven: float = 0.0
 ) -> tuple[list[Part], list[Opening]]:
-    """The space in `columns` columns with standing boards between them."""
-    cells = space.columns(shares(rng, columns, uneven))
+    """Divide the space into `columns` columns, with standing boards between them."""
+    cells = space.columns(fractions(rng, columns, uneven))
     return [upright_board(cell, cell.left) for cell in cells[1:]], cells
 
 
 def lifted(parts: Sequence[Part], y: float) -> list[Part]:
-    """The parts moved up by `y`."""
+    """Move the parts up by `y`."""
     return [part.moved((0.0, y, 0.0)) for part in parts]

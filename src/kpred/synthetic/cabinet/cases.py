@@ -17,12 +17,12 @@ from kpred.synthetic.cabinet.fronts import (
     shelf_board,
     upright_board,
 )
-from kpred.synthetic.chance import between, happens, pick, shares, whole
+from kpred.synthetic.chance import between, fractions, happens, pick, whole
 from kpred.synthetic.parts import Part, box, cylinder, frustum
 
 
 def wardrobe(rng: np.random.Generator) -> list[Part]:
-    """One to four hinged doors over the whole height, or over drawers."""
+    """Build one to four hinged doors over the whole height, or over drawers."""
     count = pick(rng, (1, 2, 2, 3, 4))
     width, depth = between(rng, 0.38, 0.56) * count, between(rng, 0.48, 0.66)
     height, board, style = between(rng, 1.6, 2.3), between(rng, 0.015, 0.03), any_front_style(rng)
@@ -49,7 +49,7 @@ def wardrobe(rng: np.random.Generator) -> list[Part]:
 
 
 def sliding_wardrobe(rng: np.random.Generator) -> list[Part]:
-    """Two or three wide doors in two tracks, one behind the other."""
+    """Build two or three wide doors in two tracks, one behind the other."""
     width, depth, height = between(rng, 1.2, 2.4), between(rng, 0.55, 0.7), between(rng, 1.9, 2.3)
     board, count = between(rng, 0.015, 0.03), whole(rng, 2, 3)
     style = replace(any_front_style(rng), inset=True, handle=pick(rng, ("none", "bar", "edge")), thickness=0.02)
@@ -69,7 +69,7 @@ def sliding_wardrobe(rng: np.random.Generator) -> list[Part]:
 
 
 def wall_cabinet(rng: np.random.Generator) -> list[Part]:
-    """A shallow hung cabinet with hinged doors, a lift-up flap, or glass, and an open shelf at times."""
+    """Build a shallow hung cabinet with hinged doors, a lift-up flap, or glass; sometimes an open shelf."""
     width, depth, height = between(rng, 0.4, 1.6), between(rng, 0.25, 0.38), between(rng, 0.4, 0.95)
     board, style = between(rng, 0.015, 0.022), any_front_style(rng)
     parts, space = carcass(width, depth, 0.0, height, board)
@@ -86,13 +86,13 @@ def wall_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def tall_cabinet(rng: np.random.Generator) -> list[Part]:
-    """Narrow and high: doors, drawers and open parts one over the other."""
+    """Build a narrow, high cabinet: doors, drawers and open parts above each other."""
     width, depth, height = between(rng, 0.3, 0.6), between(rng, 0.28, 0.6), between(rng, 1.3, 2.3)
     board, style = between(rng, 0.015, 0.03), any_front_style(rng)
     kind, lift = any_support(rng, high=0.16)
     parts, space = carcass(width, depth, lift, height, board)
     parts += support(rng, width, depth, lift, kind) + crown(rng, width, depth, height, 0.4)
-    rows = space.rows(shares(rng, whole(rng, 2, 4), 0.5))
+    rows = space.rows(fractions(rng, whole(rng, 2, 4), 0.5))
     parts += [shelf_board(row, row.bottom) for row in rows[1:]]
     for index, row in enumerate(rows):
         parts += fill(rng, row, style, ("doors", "shelves", "drawers", "glass"), (3, 1.5, 1.5 if index < 2 else 0.0, 1))
@@ -100,7 +100,7 @@ def tall_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def filing_cabinet(rng: np.random.Generator) -> list[Part]:
-    """Two to five equal high drawers in one or two columns, metal-thin sides, a label holder over each handle."""
+    """Build two to five equal high drawers in one or two columns, with thin metal sides."""
     rows, columns = whole(rng, 2, 5), pick(rng, (1, 1, 1, 2))
     width, depth, height = (
         between(rng, 0.38, 0.5) * columns,
@@ -126,7 +126,7 @@ def filing_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def cornice_cabinet(rng: np.random.Generator) -> list[Part]:
-    """A classical cupboard: plinth, framed doors, corner pilasters, a large cornice."""
+    """Build a classical cupboard: plinth, framed doors, corner pilasters, a large cornice."""
     width, depth, height = between(rng, 0.8, 1.6), between(rng, 0.4, 0.6), between(rng, 1.0, 2.2)
     style = replace(any_front_style(rng), panel=pick(rng, ("framed", "raised")), inset=False)
     base, tall, out = between(rng, 0.08, 0.16), between(rng, 0.06, 0.14), between(rng, 0.04, 0.09)
@@ -156,7 +156,7 @@ def cornice_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def shoe_cabinet(rng: np.random.Generator) -> list[Part]:
-    """Shallow, with tip-out fronts that stand slanted in their openings."""
+    """Build a shallow cabinet with tip-out fronts that stand slanted in their openings."""
     width, depth, rows = between(rng, 0.5, 1.1), between(rng, 0.2, 0.35), whole(rng, 2, 4)
     height, board = between(rng, 0.36, 0.5) * rows, between(rng, 0.015, 0.022)
     style = replace(any_front_style(rng), panel=pick(rng, ("flat", "slatted")), inset=True)
@@ -177,7 +177,7 @@ def shoe_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def locker(rng: np.random.Generator) -> list[Part]:
-    """Columns of narrow doors, one to four in each column, with vents."""
+    """Build columns of narrow doors, one to four in each column, with vents."""
     columns, rows = whole(rng, 1, 5), whole(rng, 1, 4)
     width, depth, height = between(rng, 0.28, 0.38) * columns, between(rng, 0.35, 0.5), between(rng, 1.6, 2.0)
     style = FrontStyle(happens(rng, 0.5), 0.018, "flat", pick(rng, ("knob", "bar", "square_knob")), 0.8, 0.008)

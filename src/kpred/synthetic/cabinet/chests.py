@@ -25,7 +25,7 @@ def _board(rng: np.random.Generator) -> float:
 
 
 def chest_of_drawers(rng: np.random.Generator) -> list[Part]:
-    """n x m drawers, alike, graded, or with small ones in the top row; low and wide to high and narrow."""
+    """Build n x m drawers, equal, graded, or with small ones in the top row; low to high."""
     form = pick(rng, ("wide", "tall", "plain"))
     columns = {"wide": whole(rng, 2, 3), "tall": 1, "plain": pick(rng, (1, 1, 2))}[form]
     rows = {"wide": whole(rng, 2, 4), "tall": whole(rng, 5, 7), "plain": whole(rng, 3, 5)}[form]
@@ -53,7 +53,7 @@ def chest_of_drawers(rng: np.random.Generator) -> list[Part]:
 
 
 def sideboard(rng: np.random.Generator) -> list[Part]:
-    """Columns of doors, drawers and open bays in a low case on legs or a plinth."""
+    """Build columns of doors, drawers and open bays in a low case on legs or a plinth."""
     width, depth, height = between(rng, 1.0, 2.3), between(rng, 0.36, 0.55), between(rng, 0.65, 1.0)
     board, style = _board(rng), any_front_style(rng)
     kind, lift = any_support(rng, high=0.28)
@@ -81,7 +81,7 @@ def sideboard(rng: np.random.Generator) -> list[Part]:
 
 
 def tv_stand(rng: np.random.Generator) -> list[Part]:
-    """Low and wide: open bays in the middle or above, drawers or doors beside or below."""
+    """Build a low, wide case: open bays in the middle or above, drawers or doors beside or below."""
     width, depth, height = between(rng, 0.9, 2.2), between(rng, 0.32, 0.5), between(rng, 0.35, 0.65)
     board, style = between(rng, 0.018, 0.035), any_front_style(rng)
     kind, lift = any_support(rng, high=0.16)
@@ -109,7 +109,7 @@ def tv_stand(rng: np.random.Generator) -> list[Part]:
 
 
 def kitchen_base(rng: np.random.Generator) -> list[Part]:
-    """One to four units under a worktop with a recessed toe kick; drawers above doors in most."""
+    """Build one to four units under a worktop with a recessed toe kick; drawers above doors in most."""
     count = whole(rng, 1, 4)
     width, depth, height = between(rng, 0.4, 0.6) * count, between(rng, 0.55, 0.63), between(rng, 0.82, 0.92)
     worktop, kick, style = between(rng, 0.025, 0.045), between(rng, 0.08, 0.15), any_front_style(rng)
@@ -130,7 +130,7 @@ def kitchen_base(rng: np.random.Generator) -> list[Part]:
 
 
 def nightstand(rng: np.random.Generator) -> list[Part]:
-    """A small case with one to three drawers, a door, or a drawer over an open bay."""
+    """Build a small case with one to three drawers, a door, or a drawer over an open bay."""
     width, height = between(rng, 0.35, 0.65), between(rng, 0.4, 0.75)
     depth = between(rng, 0.3, 0.48)
     board, style = _board(rng), any_front_style(rng)
@@ -152,7 +152,7 @@ def nightstand(rng: np.random.Generator) -> list[Part]:
 
 
 def secretary(rng: np.random.Generator) -> list[Part]:
-    """Drawers below, a slanted writing flap above them, a bookcase or doors on top at times."""
+    """Build drawers, a slanted writing flap above them, and sometimes a bookcase or doors on top."""
     width, depth, low = between(rng, 0.7, 1.1), between(rng, 0.4, 0.55), between(rng, 0.68, 0.78)
     board, style = 0.02, any_front_style(rng)
     kind, lift = any_support(rng, high=0.2)
@@ -189,7 +189,7 @@ def secretary(rng: np.random.Generator) -> list[Part]:
 
 
 def apothecary_chest(rng: np.random.Generator) -> list[Part]:
-    """Many small drawers over doors, a shelf or longer drawers."""
+    """Build many small drawers over doors, a shelf or longer drawers."""
     width, depth, height = between(rng, 0.6, 1.3), between(rng, 0.3, 0.42), between(rng, 0.8, 1.2)
     board = 0.018
     style = replace(any_front_style(rng), panel="flat", handle=pick(rng, ("knob", "square_knob", "none")))

@@ -13,7 +13,7 @@ from kpred.synthetic.parts import Part, beam, box, cylinder, ellipse, slab
 
 
 def glass_cabinet(rng: np.random.Generator) -> list[Part]:
-    """A show case: framed glass doors over the whole height or above a base, sometimes glass sides and posts."""
+    """Build a show case: framed glass doors over the whole height or above a base, sometimes glass sides."""
     width, depth, height = between(rng, 0.4, 1.4), between(rng, 0.3, 0.5), between(rng, 1.0, 2.1)
     style = replace(any_front_style(rng), handle=pick(rng, ("knob", "bar", "square_knob")))
     kind, lift = any_support(rng, high=0.25)
@@ -45,7 +45,7 @@ def glass_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def hutch(rng: np.random.Generator) -> list[Part]:
-    """A china cabinet: a deep base with doors and drawers, a shallow upper case, sometimes a gap between them."""
+    """Build a china cabinet: a deep base with doors and drawers, a shallow upper case, sometimes a gap between them."""
     width, depth, low = between(rng, 0.8, 1.7), between(rng, 0.4, 0.58), between(rng, 0.72, 0.95)
     height, shallow, board = between(rng, 1.7, 2.2), depth * between(rng, 0.58, 0.75), between(rng, 0.018, 0.026)
     style = any_front_style(rng)
@@ -73,7 +73,7 @@ def hutch(rng: np.random.Generator) -> list[Part]:
 
 
 def corner_cabinet(rng: np.random.Generator) -> list[Part]:
-    """For a room's corner: a triangular or five-sided plan whose long front looks to +z."""
+    """Build a cabinet for a room's corner: a triangular or five-sided plan, its long front at +z."""
     leg, height, board = between(rng, 0.45, 0.8), between(rng, 0.7, 2.1), 0.02
     wing = pick(rng, (0.0, between(rng, 0.1, 0.25) * leg))
     # The corner points to -z; both walls run at 45 degrees from it.
@@ -109,7 +109,7 @@ def corner_cabinet(rng: np.random.Generator) -> list[Part]:
 
 
 def tv_wall(rng: np.random.Generator) -> list[Part]:
-    """A media wall: a low bench between two towers, sometimes bridged above."""
+    """Build a media wall: a low bench between two towers, sometimes bridged above."""
     bench, tower, depth = between(rng, 0.9, 1.4), between(rng, 0.3, 0.5), between(rng, 0.35, 0.45)
     low, height, board = between(rng, 0.35, 0.55), between(rng, 1.2, 2.1), between(rng, 0.018, 0.026)
     style, deep = any_front_style(rng), depth * between(rng, 0.75, 1.0)
@@ -137,7 +137,7 @@ def tv_wall(rng: np.random.Generator) -> list[Part]:
 
 
 def round_shelf(rng: np.random.Generator) -> list[Part]:
-    """A half-round or quarter-round shelf: flat back, bowed boards to +z, posts or a middle panel."""
+    """Build a half-round or quarter-round shelf: flat back, bowed boards to +z, posts or a middle panel."""
     width, height = between(rng, 0.4, 1.0), between(rng, 0.7, 1.9)
     depth, board, count = width * between(rng, 0.4, 0.55), between(rng, 0.015, 0.03), whole(rng, 3, 6)
     arc = ellipse(width, 2 * depth, 32)[:17]
@@ -153,7 +153,7 @@ def round_shelf(rng: np.random.Generator) -> list[Part]:
 
 
 def display_steps(rng: np.random.Generator) -> list[Part]:
-    """A narrow bookcase of stacked boxes whose bays shift to the left and right from row to row."""
+    """Build a narrow bookcase of stacked boxes whose bays shift to the left and right from row to row."""
     rows, wide, tall = whole(rng, 3, 6), between(rng, 0.4, 0.8), between(rng, 0.26, 0.38)
     depth, board = between(rng, 0.22, 0.36), between(rng, 0.018, 0.03)
     shift, back, solid = wide * between(rng, 0.08, 0.35), happens(rng, 0.4), happens(rng, 0.4)

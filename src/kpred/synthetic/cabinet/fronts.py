@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kpred.synthetic.chance import between, happens, pick, shares
+from kpred.synthetic.chance import between, fractions, happens, pick
 from kpred.synthetic.parts import Part, box, cylinder, frustum
 
 HANDLES = ("knob", "square_knob", "bar", "rod", "cup", "edge", "none")
@@ -16,7 +16,7 @@ PANELS = ("flat", "framed", "raised", "chamfered", "slatted")
 
 @dataclass(frozen=True)
 class Opening:
-    """A box-shaped space of a cabinet: x from left to right, y from bottom to top, z from rear to front, metres.
+    """A box-shaped space of a cabinet: x left to right, y bottom to top, z rear to front, metres.
 
     Its faces in x and y run through the middles of the boards (`board` thick) that bound it.
     """
@@ -73,14 +73,14 @@ class FrontStyle:
     pane: str = "glass"  # how doors of glass look: with panes, or bars ("muntin") alone
 
     def bounds(self, opening: Opening) -> tuple[float, float, float, float, float]:
-        """(left, right, bottom, top, z of the rear face) of a front that closes the opening."""
+        """Return (left, right, bottom, top, z of the rear face) of a front that closes the opening."""
         shrink = opening.board / 2 + 0.002 if self.inset else self.gap / 2
         rear = opening.front - self.thickness if self.inset else opening.front - 0.001
         return (opening.left + shrink, opening.right - shrink, opening.bottom + shrink, opening.top - shrink, rear)
 
 
 def any_front_style(rng: np.random.Generator) -> FrontStyle:
-    """A style for one piece's fronts."""
+    """Draw a style for one piece's fronts."""
     return FrontStyle(
         inset=happens(rng, 0.35),
         thickness=between(rng, 0.016, 0.024),
@@ -93,7 +93,7 @@ def any_front_style(rng: np.random.Generator) -> FrontStyle:
 
 
 def handle(style: FrontStyle, x: float, y: float, z: float, upright: bool, room: float) -> list[Part]:
-    """A handle on a front whose face is at `z`; `room` is how long it may be, along y if `upright`, else along x."""
+    """Build a handle on a front face at `z`, up to `room` long, along y if `upright`, else along x."""
     size = style.handle_size
     if style.handle == "none":
         return []
@@ -138,7 +138,7 @@ def handle(style: FrontStyle, x: float, y: float, z: float, upright: bool, room:
 
 
 def panel(style: FrontStyle, bounds: tuple[float, float, float, float, float], label: str) -> list[Part]:
-    """A front's leaf without handle, flat or with a frame; `bounds` as from `FrontStyle.bounds`."""
+    """Build a front's leaf without handle, flat or with a frame; `bounds` as from `FrontStyle.bounds`."""
     left, right, bottom, top, rear = bounds
     width, height, thick = right - left, top - bottom, style.thickness
     x, y, z = (left + right) / 2, (bottom + top) / 2, rear + thick / 2
@@ -174,7 +174,7 @@ def panel(style: FrontStyle, bounds: tuple[float, float, float, float, float], l
 
 
 def _face(style: FrontStyle, rear: float, middle: bool) -> float:
-    """Height along z of a front's face where its handle sits: in the `middle`, or on the rim."""
+    """Return the z of a front's face where its handle sits: in the `middle`, or on the rim."""
     if middle and style.panel == "framed":
         return rear + style.thickness / 2
     if middle and style.panel == "raised":
@@ -183,7 +183,7 @@ def _face(style: FrontStyle, rear: float, middle: bool) -> float:
 
 
 def drawer(opening: Opening, style: FrontStyle, pulls: int = 1) -> list[Part]:
-    """A closed drawer: its front and one or two handles."""
+    """Build a closed drawer: its front and one or two handles."""
     if style.panel in ("glass", "muntin", "slatted"):
         style = replace(style, panel="flat")
     bounds = left, right, bottom, top, rear = style.bounds(opening)
@@ -202,7 +202,7 @@ def drawer(opening: Opening, style: FrontStyle, pulls: int = 1) -> list[Part]:
 
 
 def door(opening: Opening, style: FrontStyle, hinge: int) -> list[Part]:
-    """A closed door; `hinge` -1: hung on its left side, +1: on its right, so that the handle is opposite."""
+    """Build a closed door, hung on its left (`hinge` -1) or right side (+1), with the handle opposite."""
     bounds = left, right, bottom, top, rear = style.bounds(opening)
     parts = panel(style, bounds, "door")
     rim = min(0.07, 0.28 * min(right - left, top - bottom)) / 2 if style.panel != "flat" else 0.035
@@ -215,7 +215,7 @@ def door(opening: Opening, style: FrontStyle, hinge: int) -> list[Part]:
 
 
 def doors(opening: Opening, style: FrontStyle, count: int) -> list[Part]:
-    """`count` doors side by side; pairs open from their common middle."""
+    """Build `count` doors side by side; pairs open from their common middle."""
     parts: list[Part] = []
     for index, column in enumerate(opening.columns([1 / count] * count)):
         # Neighbouring leaves share one gap, without a board between them.
@@ -230,10 +230,10 @@ def doors(opening: Opening, style: FrontStyle, count: int) -> list[Part]:
 def drawers(
     rng: np.random.Generator, opening: Opening, style: FrontStyle, rows: int, columns: int = 1, graded: bool = False
 ) -> list[Part]:
-    """A block of drawers; `graded`: the lower ones are higher. Boards part them where the fronts are inset."""
+    """Build a block of drawers; `graded`: the lower ones are higher."""
     if rows * columns > 8 and style.panel == "framed":
         style = replace(style, panel="raised")  # many frames would cost many triangles
-    heights = shares(rng, rows, 0.0)
+    heights = fractions(rng, rows, 0.0)
     if graded:
         weights = np.linspace(1.5, 1.0, rows)
         heights = [float(weight) for weight in weights / weights.sum()]
@@ -254,16 +254,16 @@ def drawers(
 
 
 def shelf_board(opening: Opening, y: float, label: str = "shelf", setback: float = 0.0) -> Part:
-    """A board across the opening at the height `y` of its middle; its front edge lies `setback` behind the front."""
+    """Build a board across the opening at the height `y` of its middle, `setback` behind the front."""
     size = (opening.width, opening.board, opening.depth - setback)
     return box(size, (opening.middle[0], y, opening.middle[2] - setback / 2), label)
 
 
 def upright_board(opening: Opening, x: float, label: str = "divider") -> Part:
-    """A standing board at `x` from the opening's bottom to its top."""
+    """Build a standing board at `x` from the opening's bottom to its top."""
     return box((opening.board, opening.height, opening.depth), (x, opening.middle[1], opening.middle[2]), label)
 
 
 def shelves(rng: np.random.Generator, opening: Opening, count: int, uneven: float = 0.0) -> list[Part]:
-    """`count` boards inside the opening, at equal or (`uneven` > 0) unequal distances."""
-    return [shelf_board(row, row.bottom) for row in opening.rows(shares(rng, count + 1, uneven))[1:]]
+    """Build `count` boards inside the opening, at equal or (`uneven` > 0) unequal distances."""
+    return [shelf_board(row, row.bottom) for row in opening.rows(fractions(rng, count + 1, uneven))[1:]]

@@ -8,12 +8,12 @@ import numpy as np
 
 from kpred.synthetic.cabinet.bodies import any_support, carcass, crown, divided, fill, support
 from kpred.synthetic.cabinet.fronts import Opening, any_front_style, shelf_board, shelves, upright_board
-from kpred.synthetic.chance import between, happens, pick, shares, whole
+from kpred.synthetic.chance import between, fractions, happens, pick, whole
 from kpred.synthetic.parts import Part, beam, box, cylinder
 
 
 def open_bookcase(rng: np.random.Generator) -> list[Part]:
-    """One to three columns of shelves, with or without a back; shelves may jump from column to column."""
+    """Build one to three columns of shelves, with or without a back, at equal or different heights."""
     columns = pick(rng, (1, 1, 1, 2, 2, 3))
     width, depth = between(rng, 0.4, 0.95) * (1 + 0.75 * (columns - 1)), between(rng, 0.22, 0.4)
     height, board = between(rng, 0.7, 2.3), between(rng, 0.015, 0.035)
@@ -22,16 +22,16 @@ def open_bookcase(rng: np.random.Generator) -> list[Part]:
     parts += support(rng, width, depth, lift, kind) + crown(rng, width, depth, height, 0.35)
     boards, cells = divided(rng, space, columns)
     count, uneven = max(1, round(height / between(rng, 0.28, 0.42)) - 1), pick(rng, (0.0, 0.2, 0.35))
-    heights = shares(rng, count + 1, uneven)
+    heights = fractions(rng, count + 1, uneven)
     for cell in cells:
         if happens(rng, 0.25):
-            heights = shares(rng, max(2, count + 1 - whole(rng, 0, 1)), uneven)
+            heights = fractions(rng, max(2, count + 1 - whole(rng, 0, 1)), uneven)
         parts += [shelf_board(row, row.bottom) for row in cell.rows(heights)[1:]]
     return parts + boards
 
 
 def cube_grid(rng: np.random.Generator) -> list[Part]:
-    """n x m square bays, open to both sides or backed; some with boxes, doors or drawers."""
+    """Build n x m square bays, open to both sides or backed; some with boxes, doors or drawers."""
     columns, rows = whole(rng, 1, 5), whole(rng, 1, 5)
     if columns * rows < 3:
         columns, rows = pick(rng, ((3, 2), (2, 3), (2, 2)))
@@ -55,7 +55,7 @@ def cube_grid(rng: np.random.Generator) -> list[Part]:
 
 
 def stepped_bookcase(rng: np.random.Generator) -> list[Part]:
-    """Columns of falling height, like stairs or towers of blocks."""
+    """Build columns of falling height, like stairs or towers of blocks."""
     columns, depth = whole(rng, 2, 5), between(rng, 0.25, 0.4)
     wide, tall, board = between(rng, 0.28, 0.45), between(rng, 0.28, 0.4), between(rng, 0.015, 0.035)
     form = pick(rng, ("stairs", "tower", "valley"))
@@ -90,7 +90,7 @@ def stepped_bookcase(rng: np.random.Generator) -> list[Part]:
 
 
 def ladder_shelf(rng: np.random.Generator) -> list[Part]:
-    """Leaning side rails that meet a wall behind, with shelves that grow deeper towards the floor."""
+    """Build leaning side rails that meet a wall behind, with shelves that grow deeper towards the floor."""
     width, height, depth = between(rng, 0.45, 1.0), between(rng, 1.3, 2.1), between(rng, 0.35, 0.6)
     count, bar, top = whole(rng, 3, 6), between(rng, 0.025, 0.045), between(rng, 0.12, 0.22)
     rear = -depth / 2
@@ -111,7 +111,7 @@ def ladder_shelf(rng: np.random.Generator) -> list[Part]:
 
 
 def rack(rng: np.random.Generator) -> list[Part]:
-    """Four or six posts with boards, wire levels or lattice, braces behind."""
+    """Build four or six posts with boards, wire levels or lattice, braces behind."""
     width, depth, height = between(rng, 0.45, 1.8), between(rng, 0.28, 0.6), between(rng, 0.7, 2.1)
     count, post = max(2, round(height / between(rng, 0.3, 0.5))), between(rng, 0.018, 0.05)
     bays = 2 if width > 1.3 and happens(rng, 0.6) else 1
@@ -150,7 +150,7 @@ def rack(rng: np.random.Generator) -> list[Part]:
 
 
 def asymmetric_shelf(rng: np.random.Generator) -> list[Part]:
-    """A case split again and again at unequal places; the cells are open, closed by doors, or drawers."""
+    """Build a case split again and again at unequal places; the cells are open, closed by doors, or drawers."""
     width, depth, height = between(rng, 0.7, 2.3), between(rng, 0.28, 0.45), between(rng, 0.6, 2.1)
     board, style = between(rng, 0.016, 0.032), any_front_style(rng)
     kind, lift = any_support(rng, high=0.2)

@@ -23,7 +23,7 @@ def arm_parts(
     back_z: float,
     bend: Bend | None = None,
 ) -> list[Part]:
-    """Both armrests in one of ARM_STYLES.
+    """Build both armrests in one of ARM_STYLES.
 
     `width`, `depth`: seat's plan about the origin; `rise`: height of the rest over `seat_top`; `back_z`: z of the
     foot of the back; `bend`: of the back, so that the rest reaches it (None: no back, or one that is not reached).
@@ -116,7 +116,7 @@ def arm_parts(
 def upholstered_sides(
     rng: np.random.Generator, width: float, depth: float, bottom: float, top: float, thick: float
 ) -> list[Part]:
-    """Solid padded sides standing outside a seat of `width`, from height `bottom` to `top`."""
+    """Build solid padded sides standing outside a seat of `width`, from height `bottom` to `top`."""
     style = pick(rng, ("block", "soft", "rolled", "slanted"))
     x = (width + thick) / 2.0
     tall = top - bottom

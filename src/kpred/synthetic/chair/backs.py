@@ -29,7 +29,7 @@ class Bend:
     lean: float = 0.0
 
     def apply(self, part: Part) -> Part:
-        """The bent and leaned part."""
+        """Bend and lean a part."""
         x, y, z = part.vertices.T
         up = np.clip(y / self.height, 0.0, 1.2)
         across = 1.0 - np.clip(np.abs(2.0 * x / self.width), 0.0, 1.0) ** 2
@@ -43,17 +43,17 @@ class Bend:
         return replace(part, vertices=bent).rotated("x", -self.lean)
 
     def depth_at(self, height: float) -> float:
-        """Z of the back's side edge at `height` over its foot, in the leaned frame."""
+        """Return z of the back's side edge at `height` over its foot, in the leaned frame."""
         up = height / self.height
         return float(-height * np.tan(np.radians(self.lean)) - self.curve * up**2)
 
     def half_width_at(self, height: float) -> float:
-        """Half of the back's width at `height` over its foot."""
+        """Return half of the back's width at `height` over its foot."""
         return self.width / 2.0 * (1.0 + (self.taper - 1.0) * min(height / self.height, 1.0))
 
 
 def post(x: float, bottom: float, top: float, width: float, depth: float, label: str, round_bar: bool = False) -> Part:
-    """Upright bar in several pieces, so that it can be bent."""
+    """Build an upright bar in several pieces, so that it can be bent."""
     section = ellipse(width, depth, 8) if round_bar else np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2.0
     if not round_bar:
         section = section * np.array([width, depth])
@@ -65,7 +65,7 @@ def post(x: float, bottom: float, top: float, width: float, depth: float, label:
 
 
 def rail(half: float, height: float, tall: float, depth: float, label: str, round_bar: bool = False) -> Part:
-    """Level bar from -half to half in x about `height`, in several pieces, so that it can be bent."""
+    """Build a level bar from -half to half in x about `height`, in several pieces, so that it can be bent."""
     section = ellipse(tall, depth, 8) if round_bar else np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2.0
     if not round_bar:
         section = section * np.array([tall, depth])
@@ -77,7 +77,7 @@ def rail(half: float, height: float, tall: float, depth: float, label: str, roun
 
 
 def sheet(width: float, bottom: float, top: float, depth: float, label: str, x: float = 0.0) -> Part:
-    """Upright board in a grid of pieces that can be bent both ways."""
+    """Build an upright board in a grid of pieces that can be bent both ways."""
     rows = np.linspace(bottom, top, 5)
     ring = np.array([[y, -0.5 * depth] for y in rows] + [[y, 0.5 * depth] for y in rows[::-1]])
     count = len(ring)
@@ -94,12 +94,12 @@ def _posts(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) 
 
 
 def solid_panel(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """One board from the seat up."""
+    """Build one board from the seat up."""
     return [sheet(w, -sunk, h, t, "back_panel")]
 
 
 def raised_panel(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A board held over the seat by two posts."""
+    """Build a board held over the seat by two posts."""
     bars, half = _posts(rng, w, h, t, sunk)
     low = h * between(rng, 0.2, 0.6)
     if happens(rng, 0.5):
@@ -109,13 +109,13 @@ def raised_panel(rng: np.random.Generator, w: float, h: float, t: float, sunk: f
 
 
 def upholstered(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A padded back from the seat up."""
+    """Build a padded back from the seat up."""
     pad = cushion((w, t * 1.5, h + sunk), (0.0, 0.0, 0.0), "back_cushion", between(rng, 0.02, 0.06), 3)
     return [pad.rotated("x", 90.0).moved((0.0, (h - sunk) / 2.0, 0.0))]
 
 
 def padded_frame(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A pad in a frame of posts and rails."""
+    """Build a pad in a frame of posts and rails."""
     bars, half = _posts(rng, w, h, t, sunk)
     tall = between(rng, 0.03, 0.07)
     low = between(rng, 0.02, 0.25) * h + tall / 2.0
@@ -124,7 +124,7 @@ def padded_frame(rng: np.random.Generator, w: float, h: float, t: float, sunk: f
 
 
 def slats(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """Upright slats between two posts."""
+    """Build upright slats between two posts."""
     bars, half = _posts(rng, w, h, t, sunk)
     tall = between(rng, 0.04, 0.12)
     rails = [rail(half, h - tall / 2.0, tall, t * 0.9, "back_rail")]
@@ -139,7 +139,7 @@ def slats(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -
 
 
 def ladder(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """Level rails between two posts."""
+    """Build level rails between two posts."""
     bars, half = _posts(rng, w, h, t, sunk)
     count = whole(rng, 1, 6)
     low = h * between(rng, 0.15, 0.4)
@@ -163,7 +163,7 @@ def spindles(rng: np.random.Generator, w: float, h: float, t: float, sunk: float
 
 
 def hoop(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A bent bow, filled with spindles, a pad, or nothing but a rail."""
+    """Build a bent bow, filled with spindles, a pad, or nothing but a rail."""
     half = w / 2.0 - t / 2.0
     reach = min(half * 0.95, h * 0.6)
     corners = [(-half, -sunk, 0.0), (-half, h - t / 2.0, 0.0), (half, h - t / 2.0, 0.0), (half, -sunk, 0.0)]
@@ -186,7 +186,7 @@ def hoop(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) ->
 
 
 def cross_frame(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """Frame of posts and rails around a cross."""
+    """Build a frame of posts and rails around a cross."""
     bars, half = _posts(rng, w, h, t, sunk)
     tall = between(rng, 0.04, 0.07)
     low = h * between(rng, 0.1, 0.35)
@@ -202,7 +202,7 @@ def cross_frame(rng: np.random.Generator, w: float, h: float, t: float, sunk: fl
 
 
 def splat(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """Posts and a top rail around one wide middle board."""
+    """Build posts and a top rail around one wide middle board."""
     bars, half = _posts(rng, w, h, t, sunk)
     tall = between(rng, 0.05, 0.12)
     crest = rail(w / 2.0, h - tall / 2.0, tall, t, "back_rail")
@@ -210,7 +210,7 @@ def splat(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -
 
 
 def lattice(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A grid of upright and level bars in a frame."""
+    """Build a grid of upright and level bars in a frame."""
     bars, half = _posts(rng, w, h, t, sunk)
     tall = between(rng, 0.03, 0.06)
     low = h * between(rng, 0.1, 0.3)
@@ -221,7 +221,7 @@ def lattice(rng: np.random.Generator, w: float, h: float, t: float, sunk: float)
 
 
 def oval(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A round or oval pad on two short posts."""
+    """Build a round or oval pad on two short posts."""
     tall = min(h * between(rng, 0.6, 0.9), w * 1.4)
     pad = slab(ellipse(w, tall, 20), -t / 2.0, t, "back_panel").rotated("x", 90.0)
     stems = [post(s * w * 0.25, -sunk, h - tall * 0.7, t * 0.9, t * 0.7, "back_post") for s in (-1.0, 1.0)]
@@ -229,7 +229,7 @@ def oval(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) ->
 
 
 def stem(rng: np.random.Generator, w: float, h: float, t: float, sunk: float) -> list[Part]:
-    """A pad on a single middle bar, as on task chairs."""
+    """Build a pad on a single middle bar, as on task chairs."""
     low = h * between(rng, 0.2, 0.5)
     bar = post(0.0, -sunk, h * 0.75, w * between(rng, 0.08, 0.25), 0.03, "back_post").moved((0.0, 0.0, -t / 2.0 - 0.01))
     if happens(rng, 0.5):

@@ -10,7 +10,7 @@ from kpred.synthetic.paths import rounded_path
 
 
 def star_base(rng: np.random.Generator, height: float, radius: float, castors: bool = True) -> list[Part]:
-    """Four or five sloping spokes, a column up to `height`, and castors or glides."""
+    """Build four or five sloping spokes, a column up to `height`, and castors or glides."""
     spokes = 5 if happens(rng, 0.8) else 4
     wheel = between(rng, 0.02, 0.032) if castors else between(rng, 0.008, 0.015)
     hub, thick = between(rng, 0.03, 0.05), between(rng, 0.025, 0.045)
@@ -40,7 +40,7 @@ def star_base(rng: np.random.Generator, height: float, radius: float, castors: b
 
 
 def disc_base(rng: np.random.Generator, height: float, radius: float) -> list[Part]:
-    """A round plate and a column."""
+    """Build a round plate and a column."""
     plate = between(rng, 0.012, 0.04)
     dome = between(rng, 0.0, 0.03)
     profile = [(radius, 0.0), (radius, plate * 0.6), (radius * 0.6, plate + dome * 0.3), (0.04, plate + dome)]
@@ -52,7 +52,7 @@ def disc_base(rng: np.random.Generator, height: float, radius: float) -> list[Pa
 
 
 def tulip_base(rng: np.random.Generator, height: float, radius: float) -> list[Part]:
-    """One flowing foot and stem."""
+    """Build one flowing foot and stem."""
     neck = between(rng, 0.025, 0.06)
     waist = between(rng, 0.3, 0.65) * height
     t = np.linspace(0.0, 1.0, 7)
@@ -66,7 +66,7 @@ def tulip_base(rng: np.random.Generator, height: float, radius: float) -> list[P
 
 
 def cross_base(rng: np.random.Generator, height: float, radius: float) -> list[Part]:
-    """Four flat or raised arms about a column."""
+    """Build four flat or raised arms about a column."""
     thick = between(rng, 0.025, 0.045)
     top = between(rng, 0.0, 0.12) if happens(rng, 0.5) else 0.0
     parts = [
@@ -83,7 +83,7 @@ def cross_base(rng: np.random.Generator, height: float, radius: float) -> list[P
 
 
 def pedestal_base(rng: np.random.Generator, height: float, width: float) -> list[Part]:
-    """One of the bases with a single stem."""
+    """Build one of the bases with a single stem."""
     kind = pick(rng, (tulip_base, disc_base, cross_base))
     return kind(rng, height, width * between(rng, 0.4, 0.6))
 
@@ -91,7 +91,7 @@ def pedestal_base(rng: np.random.Generator, height: float, width: float) -> list
 def cantilever_tube(
     rng: np.random.Generator, width: float, depth: float, height: float, back: list[np.ndarray] | None
 ) -> list[Part]:
-    """Bent tube: seat rails, down the front, back along the floor; `back` continues the right rail upwards.
+    """Build a bent tube: seat rails, down the front, back along the floor; `back` continues the right rail upwards.
 
     `width` is between the tubes' center lines, `height` that of the seat rails.
     """
@@ -122,7 +122,7 @@ def cantilever_tube(
 
 
 def sled_base(rng: np.random.Generator, width: float, depth: float, height: float) -> list[Part]:
-    """Two closed side loops of tube or bar on the floor, with cross bars below the seat."""
+    """Build two closed side loops of tube or bar on the floor, with cross bars below the seat."""
     r = between(rng, 0.009, 0.02)
     section = ellipse(2.0 * r, 2.0 * r, 8) if happens(rng, 0.6) else rounded_rectangle(2.4 * r, 2.0 * r, 0.0)
     x, z = width / 2.0 - r, depth / 2.0 - r
@@ -145,7 +145,7 @@ def sled_base(rng: np.random.Generator, width: float, depth: float, height: floa
 
 
 def crossed_legs(rng: np.random.Generator, width: float, depth: float, height: float) -> list[Part]:
-    """Two legs crossing at each side, tied across: folding chairs and stools."""
+    """Build two legs crossing at each side, tied across: folding chairs and stools."""
     t = between(rng, 0.02, 0.035)
     x, z = width / 2.0 - t / 2.0, depth / 2.0 - t
     parts = []
@@ -153,10 +153,10 @@ def crossed_legs(rng: np.random.Generator, width: float, depth: float, height: f
         outer, inner = sign * x, sign * (x - t)
         parts.append(beam((outer, t * 0.4, -z), (outer, height, z), t, t * 1.3, "leg"))
         parts.append(beam((inner, t * 0.4, z), (inner, height, -z), t, t * 1.3, "leg"))
-    share = between(rng, 0.1, 0.3)
+    fraction = between(rng, 0.1, 0.3)
     for place, far in ((z, 1.0), (-z, 1.0)):
-        y = height * share
-        w = place * (1.0 - 2.0 * share) * far
+        y = height * fraction
+        w = place * (1.0 - 2.0 * fraction) * far
         parts.append(cylinder(t * 0.35, (-x, y, w), (x, y, w), "stretcher", 8))
     for place in (z * 0.96, -z * 0.96):
         parts.append(cylinder(t * 0.45, (-x, height * 0.98, place), (x, height * 0.98, place), "stretcher", 8))
@@ -164,7 +164,7 @@ def crossed_legs(rng: np.random.Generator, width: float, depth: float, height: f
 
 
 def side_panels(rng: np.random.Generator, width: float, depth: float, height: float) -> list[Part]:
-    """Two full boards as legs, perhaps tied at the back."""
+    """Build two full boards as legs, perhaps tied at the back."""
     t = between(rng, 0.018, 0.05)
     x = width / 2.0 - t / 2.0
     parts = [box((t, height, depth), (s * x, height / 2.0, 0.0), "leg") for s in (-1.0, 1.0)]
@@ -177,7 +177,7 @@ def side_panels(rng: np.random.Generator, width: float, depth: float, height: fl
 
 
 def trestle_legs(rng: np.random.Generator, width: float, depth: float, height: float) -> list[Part]:
-    """Two end frames, shaped like an A or a T, tied by a long bar: benches."""
+    """Build two end frames, shaped like an A or a T, tied by a long bar: benches."""
     t = between(rng, 0.04, 0.07)
     parts = []
     upright = happens(rng, 0.5)
@@ -199,7 +199,7 @@ def trestle_legs(rng: np.random.Generator, width: float, depth: float, height: f
 
 
 def rocker_runners(rng: np.random.Generator, feet: np.ndarray, length: float) -> list[Part]:
-    """Two curved runners through pairs of leg feet (4, 3) in the order of `Legs`; lowest point at y = 0 or above."""
+    """Build two curved runners through pairs of leg feet (4, 3) in the order of `Legs`."""
     radius = between(rng, 0.7, 1.3)
     tall, wide = between(rng, 0.03, 0.05), between(rng, 0.025, 0.04)
     section = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2.0 * np.array([wide, tall])

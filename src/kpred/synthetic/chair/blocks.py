@@ -17,7 +17,7 @@ Family = Callable[[np.random.Generator], list[Part]]
 
 
 def cube(rng: np.random.Generator) -> list[Part]:
-    """Plain blocks: thick flat sides, back and seat, as one box cut open at the front."""
+    """Build plain blocks: thick flat sides, back and seat, as one box cut open at the front."""
     width, depth = between(rng, 0.5, 0.75), between(rng, 0.5, 0.75)
     wall = between(rng, 0.03, 0.16)
     seat_top = between(rng, 0.34, 0.46)
@@ -48,7 +48,7 @@ def cube(rng: np.random.Generator) -> list[Part]:
 
 
 def ottoman(rng: np.random.Generator) -> list[Part]:
-    """Thick padded seat without a back, on feet, legs, a pedestal or the floor."""
+    """Build a thick padded seat without a back, on feet, legs, a pedestal or the floor."""
     width = between(rng, 0.38, 0.75)
     depth = width * (between(rng, 0.65, 1.1) if happens(rng, 0.6) else 1.0)
     thick, top = between(rng, 0.1, 0.32), between(rng, 0.36, 0.52)
@@ -77,7 +77,7 @@ def ottoman(rng: np.random.Generator) -> list[Part]:
 
 
 def block_seat(rng: np.random.Generator) -> list[Part]:
-    """Seat and back as two or three slabs, low or on the floor, with low arms or none; modular seating."""
+    """Build a seat and back as two or three slabs, low or on the floor, with low arms or none; modular seating."""
     width, depth = between(rng, 0.48, 0.95), between(rng, 0.5, 0.95)
     feet = between(rng, 0.02, 0.12) if happens(rng, 0.4) else 0.0
     seat_top = feet + (between(rng, 0.06, 0.2) if happens(rng, 0.3) else between(rng, 0.25, 0.42))
@@ -104,7 +104,7 @@ def block_seat(rng: np.random.Generator) -> list[Part]:
 
 
 def side_frame(rng: np.random.Generator) -> list[Part]:
-    """Two side frames from floor to armrest, seat and back hung between them."""
+    """Build two side frames from floor to armrest, seat and back hung between them."""
     width, depth = between(rng, 0.46, 0.66), between(rng, 0.48, 0.78)
     bar, thick = between(rng, 0.025, 0.06), between(rng, 0.025, 0.08)
     seat_top = between(rng, 0.34, 0.46)
@@ -135,7 +135,7 @@ def side_frame(rng: np.random.Generator) -> list[Part]:
 
 
 def swivel_tub(rng: np.random.Generator) -> list[Part]:
-    """Block-like seat, back and arms on a swivel star or pedestal."""
+    """Build a block-like seat, back and arms on a swivel star or pedestal."""
     width, depth = between(rng, 0.46, 0.62), between(rng, 0.48, 0.62)
     bottom, thick = between(rng, 0.24, 0.36), between(rng, 0.1, 0.2)
     seat_top = bottom + thick

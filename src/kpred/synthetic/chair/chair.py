@@ -17,7 +17,7 @@ Family = Callable[[np.random.Generator], list[Part]]
 
 
 def _stretched(family: Family) -> Family:
-    """The family with its shapes scaled at random, by about 7 % along each axis on its own."""
+    """Wrap a family so that its shapes are scaled at random, by about 7 % along each axis."""
 
     def build(rng: np.random.Generator) -> list[Part]:
         factors = np.exp(np.clip(rng.normal(0.0, 0.07, 3), -0.2, 0.2))

@@ -39,7 +39,7 @@ def corner_legs(
     inset: float = 0.0,
     back_narrowing: float = 1.0,
 ) -> Legs:
-    """Center lines under a seat of `width` x `depth` with underside at `height`.
+    """Draw center lines of legs under a seat of `width` x `depth` with underside at `height`.
 
     `splay`, `back_rake`: metres by which the feet stand outside the heads, all around and at the back only.
     """
@@ -56,7 +56,7 @@ def corner_legs(
 
 
 def leg_parts(rng: np.random.Generator, legs: Legs, style: str) -> list[Part]:
-    """The four legs in one of LEG_STYLES."""
+    """Build the four legs in one of LEG_STYLES."""
     t = legs.thickness
     end = t * between(rng, 0.35, 0.8)
     turning = rng.random(4)
@@ -121,7 +121,7 @@ def _turned_leg(foot: np.ndarray, head: np.ndarray, t: float, turning: np.ndarra
 
 
 def stretcher_parts(rng: np.random.Generator, legs: Legs, style: str, low: float, high: float) -> list[Part]:
-    """Bars between the legs in one of STRETCHERS, at heights between the fractions `low` and `high` of the legs."""
+    """Build bars between the legs in one of STRETCHERS, between fractions `low` and `high` of their height."""
     if style == "none":
         return []
     top = float(legs.heads[0, 1])
@@ -152,7 +152,7 @@ def stretcher_parts(rng: np.random.Generator, legs: Legs, style: str, low: float
 
 
 def apron_parts(legs: Legs, drop: float, thickness: float) -> list[Part]:
-    """Four boards of height `drop` between the heads of the legs."""
+    """Build four boards of height `drop` between the heads of the legs."""
     top = float(legs.heads[0, 1])
     y = top - drop / 2.0
     parts = []
@@ -162,7 +162,7 @@ def apron_parts(legs: Legs, drop: float, thickness: float) -> list[Part]:
 
 
 def bracket_feet(width: float, depth: float, height: float, rng: np.random.Generator) -> list[Part]:
-    """Four short feet for upholstered furniture, `height` up to the underside."""
+    """Build four short feet for upholstered furniture, `height` up to the underside."""
     t = between(rng, 0.03, 0.07)
     if happens(rng, 0.5):
         legs = corner_legs(rng, width, depth, height, t, between(rng, 0.0, 0.02), 0.0, between(rng, 0.0, 0.03))
@@ -174,7 +174,7 @@ def bracket_feet(width: float, depth: float, height: float, rng: np.random.Gener
 
 
 def curved_rear_leg(head: np.ndarray, foot: np.ndarray, bend: float, thickness: float) -> Part:
-    """A leg bent outwards at its foot."""
+    """Build a leg bent outwards at its foot."""
     control = np.array([foot[0], (foot[1] + head[1]) * 0.35, head[2] + bend])
     section = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * thickness / 2.0
     return sweep(section, bezier(head, control, foot, 6), "leg")

@@ -24,7 +24,7 @@ def _seat_plate(seat: Seat) -> Part:
 
 
 def office_task(rng: np.random.Generator) -> list[Part]:
-    """Swivel chair with castors, padded seat, and a back on a bar or right on the seat."""
+    """Build a swivel chair with castors, padded seat, and a back on a bar or right on the seat."""
     seat = seat_size(rng, (0.42, 0.56), (0.4, 0.54), (0.04, 0.1))
     parts = [
         cushion(
@@ -57,7 +57,7 @@ def office_task(rng: np.random.Generator) -> list[Part]:
 
 
 def office_executive(rng: np.random.Generator) -> list[Part]:
-    """Swivel chair with thick seat, high padded back, perhaps a head rest, and arms."""
+    """Build a swivel chair with thick seat, high padded back, perhaps a head rest, and arms."""
     seat = seat_size(rng, (0.48, 0.64), (0.42, 0.54), (0.08, 0.16))
     parts = [
         cushion(
@@ -87,7 +87,7 @@ def office_executive(rng: np.random.Generator) -> list[Part]:
 
 
 def pedestal_chair(rng: np.random.Generator) -> list[Part]:
-    """Seat with a back on one stem: bar stools with a back, cafe and conference chairs."""
+    """Build a seat with a back on one stem: bar stools with a back, cafe and conference chairs."""
     high = happens(rng, 0.4)
     seat = seat_size(rng, (0.36, 0.55), (0.58, 0.8) if high else (0.38, 0.5), (0.02, 0.1))
     parts = seat_parts(rng, seat, pick(rng, ("rounded", "cushion", "board", "bent")))
@@ -114,7 +114,7 @@ def pedestal_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def foot_rest(rng: np.random.Generator, seat: Seat) -> list[Part]:
-    """A bar loop in front of the column of a bar stool."""
+    """Build a bar loop in front of the column of a bar stool."""
     y, out = seat.bottom * between(rng, 0.3, 0.5), between(rng, 0.1, 0.17)
     wide = between(rng, 0.06, 0.13)
     path = rounded_path(
@@ -135,7 +135,7 @@ def bar_stool(rng: np.random.Generator) -> list[Part]:
 
 
 def cantilever(rng: np.random.Generator) -> list[Part]:
-    """Bent tube without rear legs."""
+    """Build a bent tube without rear legs."""
     seat = seat_size(rng, (0.42, 0.56), (0.4, 0.48), (0.02, 0.07))
     gauge = seat.width * between(rng, 0.92, 1.02)
     rise, lean = between(rng, 0.3, 0.55), between(rng, 2.0, 16.0)
@@ -166,7 +166,7 @@ def cantilever(rng: np.random.Generator) -> list[Part]:
 
 
 def sled(rng: np.random.Generator) -> list[Part]:
-    """Side loops on the floor under a seat with a back, armed or not."""
+    """Build side loops on the floor under a seat with a back, armed or not."""
     seat = seat_size(rng, (0.42, 0.65), (0.36, 0.48))
     parts = seat_parts(rng, seat, pick(rng, ("board", "rounded", "cushion", "board_cushion", "bent")))
     parts += sled_base(
@@ -192,7 +192,7 @@ def sled(rng: np.random.Generator) -> list[Part]:
 
 
 def lounger(rng: np.random.Generator) -> list[Part]:
-    """Low, long seat with a far leaning back."""
+    """Build a low, long seat with a far leaning back."""
     seat = Seat(between(rng, 0.5, 0.7), between(rng, 0.5, 0.85), between(rng, 0.26, 0.4), between(rng, 0.03, 0.12))
     rise, lean = between(rng, 0.45, 0.8), between(rng, 22.0, 42.0)
     if happens(rng, 0.4):
@@ -245,7 +245,7 @@ def lounger(rng: np.random.Generator) -> list[Part]:
 
 
 def _ottoman_rest(rng: np.random.Generator, seat: Seat) -> list[Part]:
-    """A leg rest joined to the front of the seat."""
+    """Build a leg rest joined to the front of the seat."""
     long, slope = between(rng, 0.3, 0.5), between(rng, 5.0, 25.0)
     pad = cushion((seat.width * 0.9, 0.06, long), (0.0, 0.0, long / 2.0 - 0.02), "foot_rest", 0.02, 2)
     return [

@@ -37,7 +37,7 @@ def seat_size(
     height: tuple[float, float] = (0.38, 0.5),
     thickness: tuple[float, float] = (0.018, 0.09),
 ) -> Seat:
-    """A random seat within the given ranges; its depth goes with its width."""
+    """Draw a seat within the given ranges; its depth depends on its width."""
     wide = between(rng, *width)
     deep = float(np.clip(wide * between(rng, 0.8, 1.15), 0.34, 0.75))
     low, high = thickness
@@ -46,7 +46,7 @@ def seat_size(
 
 
 def seat_parts(rng: np.random.Generator, seat: Seat, style: str) -> list[Part]:
-    """The seat in one of SEAT_STYLES or "round", filling the height from `seat.bottom` to `seat.top`."""
+    """Build the seat in one of SEAT_STYLES or "round", filling the height from `seat.bottom` to `seat.top`."""
     w, d, t = seat.width, seat.depth, seat.thickness
     center = (0.0, seat.top - t / 2.0, 0.0)
     if style == "board":
@@ -99,7 +99,7 @@ def seat_parts(rng: np.random.Generator, seat: Seat, style: str) -> list[Part]:
 def random_bend(
     rng: np.random.Generator, width: float, height: float, lean: tuple[float, float] = (0.0, 16.0), bow: float = 0.05
 ) -> Bend:
-    """A random shape of a back of this size; half of them are plain apart from their lean."""
+    """Draw a shape of a back of this size; half of them are plain apart from their lean."""
     return Bend(
         width,
         height,
@@ -114,7 +114,7 @@ def random_bend(
 def back_parts(
     rng: np.random.Generator, seat: Seat, bend: Bend, style: str, thickness: float | None = None, inset: float = 0.0
 ) -> tuple[list[Part], float]:
-    """A back of BACK_STYLES on the seat's rear edge, and the z of its foot.
+    """Build a back of BACK_STYLES on the seat's rear edge; also return the z of its foot.
 
     The foot reaches down into the seat; `inset` moves it forward from the rear edge.
     """
@@ -127,5 +127,5 @@ def back_parts(
 
 
 def some_back(rng: np.random.Generator, styles: tuple[str, ...]) -> str:
-    """One of the back styles, or any of them when `styles` is empty."""
+    """Draw one of the back styles, or any of them when `styles` is empty."""
     return pick(rng, styles or tuple(BACK_STYLES))

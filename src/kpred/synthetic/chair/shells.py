@@ -26,7 +26,7 @@ def shell(
     hollow: float,
     wrap: float = 0.0,
 ) -> list[Part]:
-    """Seat and back bent from one sheet.
+    """Build a seat and back bent from one sheet.
 
     `hollow`: depth of its dish in metres, `wrap`: how far its sides rise as arms, `lean` of the back in degrees.
     """
@@ -80,7 +80,7 @@ def shell(
 
 
 def shell_legs(rng: np.random.Generator) -> list[Part]:
-    """Bent shell on four splayed legs."""
+    """Build a bent shell on four splayed legs."""
     seat = seat_size(rng, (0.42, 0.56), (0.38, 0.47), (0.03, 0.04))
     wrap = between(rng, 0.1, 0.22) if happens(rng, 0.4) else 0.0
     parts = shell(
@@ -101,7 +101,7 @@ def shell_legs(rng: np.random.Generator) -> list[Part]:
 
 
 def shell_base(rng: np.random.Generator) -> list[Part]:
-    """Bent shell on a pedestal, a swivel star, or runners."""
+    """Build a bent shell on a pedestal, a swivel star, or runners."""
     seat = seat_size(rng, (0.42, 0.6), (0.38, 0.48), (0.03, 0.04))
     wrap = between(rng, 0.1, 0.25) if happens(rng, 0.5) else 0.0
     parts = shell(
@@ -124,7 +124,7 @@ def shell_base(rng: np.random.Generator) -> list[Part]:
 
 
 def tulip(rng: np.random.Generator) -> list[Part]:
-    """Moulded shell on a flowing stem."""
+    """Build a moulded shell on a flowing stem."""
     seat = seat_size(rng, (0.45, 0.6), (0.4, 0.47), (0.03, 0.05))
     parts = shell(
         rng,

@@ -20,7 +20,7 @@ Family = Callable[[np.random.Generator], list[Part]]
 def standing_cushion(
     size: tuple[float, float, float], foot: tuple[float, float, float], lean: float, label: str, radius: float
 ) -> Part:
-    """Cushion (width, height, thickness) standing on the middle of its lower edge, leaned to the back by degrees."""
+    """Build a cushion (width, height, thickness) on its lower edge, leaned back by degrees."""
     width, height, thick = size
     pad = cushion((width, thick, height), (0.0, 0.0, 0.0), label, radius, 3).rotated("x", 90.0)
     return pad.moved((0.0, height / 2.0, 0.0)).rotated("x", -lean).moved(foot)
@@ -35,7 +35,7 @@ def _upholstery(
     lean: tuple[float, float],
     split_back: bool,
 ) -> list[Part]:
-    """Box-like seating with `places` seat cushions of total `width`."""
+    """Build box-like seating with `places` seat cushions of total `width`."""
     depth = between(rng, 0.5, 0.92)
     feet = between(rng, 0.02, 0.2)
     base_top = feet + between(rng, 0.06, 0.24)
@@ -87,27 +87,27 @@ def _upholstery(
 
 
 def club(rng: np.random.Generator) -> list[Part]:
-    """Armchair with solid padded sides."""
+    """Build an armchair with solid padded sides."""
     return _upholstery(rng, between(rng, 0.44, 0.66), 1, True, (0.25, 0.55), (0.0, 15.0), happens(rng, 0.4))
 
 
 def slipper(rng: np.random.Generator) -> list[Part]:
-    """Padded chair without arms."""
+    """Build a padded chair without arms."""
     return _upholstery(rng, between(rng, 0.48, 0.75), 1, False, (0.28, 0.65), (2.0, 20.0), happens(rng, 0.3))
 
 
 def sofa_two(rng: np.random.Generator) -> list[Part]:
-    """Sofa with two seats."""
+    """Build a sofa with two seats."""
     return _upholstery(rng, between(rng, 0.95, 1.35), 2, happens(rng, 0.85), (0.28, 0.5), (0.0, 14.0), True)
 
 
 def sofa_three(rng: np.random.Generator) -> list[Part]:
-    """Sofa with three seats."""
+    """Build a sofa with three seats."""
     return _upholstery(rng, between(rng, 1.4, 1.95), 3, happens(rng, 0.85), (0.25, 0.48), (0.0, 14.0), True)
 
 
 def wing(rng: np.random.Generator) -> list[Part]:
-    """High padded back with wings at both sides over padded arms."""
+    """Build a high padded back with wings at both sides over padded arms."""
     width, depth = between(rng, 0.48, 0.62), between(rng, 0.55, 0.72)
     feet, pad = between(rng, 0.08, 0.2), between(rng, 0.08, 0.15)
     base_top = feet + between(rng, 0.08, 0.16)
@@ -142,7 +142,7 @@ def wing(rng: np.random.Generator) -> list[Part]:
 
 
 def recliner(rng: np.random.Generator) -> list[Part]:
-    """Heavy armchair, leaning back, leg rest partly out."""
+    """Build a heavy armchair, leaning back, leg rest partly out."""
     width, depth = between(rng, 0.5, 0.62), between(rng, 0.6, 0.75)
     feet = between(rng, 0.02, 0.08)
     seat_top = between(rng, 0.38, 0.48)
@@ -193,13 +193,13 @@ def barrel(rng: np.random.Generator) -> list[Part]:
     section = np.array([[-thick / 2, 0.0], [thick / 2, 0.0], [thick / 2, tall], [-thick / 2, tall]])
     wall = sweep(section, path + np.array([0.0, low, 0.0]), "back_panel")
     vertices = wall.vertices.copy()
-    share = np.clip((vertices[:, 2] + depth / 2.0) / (depth * 0.85), 0.0, 1.0)
+    fraction = np.clip((vertices[:, 2] + depth / 2.0) / (depth * 0.85), 0.0, 1.0)
     top = vertices[:, 1] > low + tall * 0.5
     drop = min(rise * fall, rise - 0.04)
-    smooth = share**2 * (3.0 - 2.0 * share)
+    smooth = fraction**2 * (3.0 - 2.0 * fraction)
     vertices[top, 1] -= drop * smooth[top]
     lean = np.tan(np.radians(between(rng, 0.0, 14.0)))
-    vertices[top, 2] -= (lean * rise * (1.0 - share))[top]
+    vertices[top, 2] -= (lean * rise * (1.0 - fraction))[top]
     parts.append(Part(vertices, wall.faces, wall.label, wall.axes, wall.ring))
     kind = pick(rng, ("feet", "feet", "star", "disc"))
     if kind == "feet" or feet < 0.12:
@@ -225,7 +225,7 @@ def _ring_feet(rng: np.random.Generator, width: float, depth: float, height: flo
 
 
 def chaise(rng: np.random.Generator) -> list[Part]:
-    """Long seat with a back at its rear end and low sides or none."""
+    """Build a long seat with a back at its rear end and low sides or none."""
     width, depth = between(rng, 0.55, 0.75), between(rng, 1.0, 1.5)
     feet, seat_top = between(rng, 0.05, 0.16), between(rng, 0.34, 0.44)
     seat = Seat(width, depth, seat_top, seat_top - feet)

@@ -34,7 +34,7 @@ def legged_base(
     stretchers: tuple[str, ...] = STRETCHERS,
     high: float = 0.6,
 ) -> tuple[list[Part], Legs]:
-    """Four legs, perhaps an apron and stretchers, under a seat."""
+    """Build four legs, sometimes with an apron and stretchers, under a seat."""
     style = pick(rng, styles)
     thick = between(rng, 0.022, 0.055) if style != "hairpin" else 0.05
     if splay is None:
@@ -82,7 +82,7 @@ def _arms(
 
 
 def armchair_wooden(rng: np.random.Generator) -> list[Part]:
-    """Wide seat on legs with open armrests, loose cushions or not."""
+    """Build a wide seat on legs with open armrests, loose cushions or not."""
     seat = seat_size(rng, (0.5, 0.72), (0.34, 0.46))
     parts = seat_parts(rng, seat, pick(rng, ("board", "rounded", "cushion", "board_cushion", "slatted")))
     base, _ = legged_base(rng, seat)
@@ -104,7 +104,7 @@ def windsor(rng: np.random.Generator) -> list[Part]:
 
 
 def throne(rng: np.random.Generator) -> list[Part]:
-    """Very high back on a sturdy seat."""
+    """Build a very high back on a sturdy seat."""
     seat = seat_size(rng, (0.45, 0.7), (0.42, 0.52), (0.04, 0.14))
     parts = seat_parts(rng, seat, pick(rng, ("board", "cushion", "board_cushion")))
     base, _ = legged_base(rng, seat, ("square", "tapered", "turned", "cabriole"), 0.0)
@@ -115,7 +115,7 @@ def throne(rng: np.random.Generator) -> list[Part]:
 
 
 def stool(rng: np.random.Generator) -> list[Part]:
-    """No back: square, round or hollow seat on legs."""
+    """Build a stool without a back: square, round or hollow seat on legs."""
     seat = seat_size(rng, (0.3, 0.5), (0.35, 0.6), (0.02, 0.1))
     style = pick(rng, ("board", "rounded", "cushion", "bent", "slatted"))
     base, _ = legged_base(rng, seat)
@@ -123,7 +123,7 @@ def stool(rng: np.random.Generator) -> list[Part]:
 
 
 def _round_legs(rng: np.random.Generator, seat: Seat, high: float) -> list[Part]:
-    """Three to five legs on a circle under a round seat, with a ring or bars between them."""
+    """Build three to five legs on a circle under a round seat, with a ring or bars between them."""
     count = pick(rng, (3, 4, 4, 5))
     thick = between(rng, 0.02, 0.04)
     radius = seat.width / 2.0 * between(rng, 0.6, 0.85)
@@ -136,13 +136,13 @@ def _round_legs(rng: np.random.Generator, seat: Seat, high: float) -> list[Part]
     end = thick * between(rng, 0.6, 1.0)
     parts = [cylinder(end / 2.0, foot, top, "leg", 10, thick / 2.0) for foot, top in zip(feet, tops, strict=True)]
     kind = pick(rng, ("none", "ring", "bars"))
-    share = between(rng, 0.2, high)
-    at = feet + (tops - feet) * share
+    fraction = between(rng, 0.2, high)
+    at = feet + (tops - feet) * fraction
     if kind == "bars":
         parts += [cylinder(thick * 0.35, at[i], at[(i + 1) % count], "stretcher", 8) for i in range(count)]
     elif kind == "ring":
         turns = np.linspace(0.0, 2.0 * np.pi, 21)
-        r = radius + splay * (1.0 - share)
+        r = radius + splay * (1.0 - fraction)
         path = np.column_stack([np.sin(turns) * r, np.full(21, at[0, 1]), np.cos(turns) * r])
         parts.append(sweep(ellipse(0.018, 0.018, 6), path, "stretcher"))
     return parts
@@ -160,7 +160,7 @@ def round_stool(rng: np.random.Generator) -> list[Part]:
 
 
 def bar_chair(rng: np.random.Generator) -> list[Part]:
-    """Bar-high seat on legs with foot rests and a low or middling back."""
+    """Build a bar-high seat on legs with foot rests and a low or middle back."""
     seat = seat_size(rng, (0.34, 0.48), (0.6, 0.82), (0.02, 0.08))
     base, _ = legged_base(
         rng, seat, ("square", "tapered", "round", "cone"), between(rng, 0.0, 0.07), ("ring", "ring", "h", "front"), 0.45
@@ -176,7 +176,7 @@ def bar_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def bench(rng: np.random.Generator) -> list[Part]:
-    """Wide seat on legs, trestles or boards, with a back or not."""
+    """Build a wide seat on legs, trestles or boards, with a back or not."""
     seat = Seat(between(rng, 0.85, 1.6), between(rng, 0.3, 0.5), between(rng, 0.38, 0.48), between(rng, 0.02, 0.09))
     style = pick(rng, ("board", "slatted", "cushion", "board_cushion"))
     if style == "slatted":
@@ -201,7 +201,7 @@ def bench(rng: np.random.Generator) -> list[Part]:
 
 
 def folding(rng: np.random.Generator) -> list[Part]:
-    """Crossing legs at both sides; a slatted or plain seat and back."""
+    """Build crossing legs at both sides; a slatted or plain seat and back."""
     seat = seat_size(rng, (0.38, 0.5), (0.42, 0.48), (0.018, 0.035))
     parts = seat_parts(rng, seat, pick(rng, ("board", "slatted", "rounded")))
     parts += crossed_legs(rng, seat.width * between(rng, 0.85, 1.0), seat.depth, seat.bottom + 0.004)
@@ -213,7 +213,7 @@ def folding(rng: np.random.Generator) -> list[Part]:
 
 
 def garden(rng: np.random.Generator) -> list[Part]:
-    """Slatted low seat, leaning slatted back, broad flat arms."""
+    """Build a slatted low seat, leaning slatted back, broad flat arms."""
     seat = Seat(between(rng, 0.5, 0.7), between(rng, 0.45, 0.6), between(rng, 0.3, 0.44), between(rng, 0.045, 0.08))
     legs = corner_legs(rng, seat.width, seat.depth, seat.bottom + 0.004, between(rng, 0.03, 0.06))
     parts = [*seat_parts(rng, seat, "slatted"), *leg_parts(rng, legs, "square"), *apron_parts(legs, 0.06, 0.022)]
@@ -224,7 +224,7 @@ def garden(rng: np.random.Generator) -> list[Part]:
 
 
 def rocking(rng: np.random.Generator) -> list[Part]:
-    """Legs on two curved runners."""
+    """Build legs on two curved runners."""
     seat = seat_size(rng, (0.42, 0.6), (0.38, 0.46))
     legs = corner_legs(
         rng, seat.width, seat.depth, seat.bottom + 0.004, between(rng, 0.025, 0.045), between(rng, 0.0, 0.03)
@@ -243,7 +243,7 @@ def rocking(rng: np.random.Generator) -> list[Part]:
 
 
 def plank(rng: np.random.Generator) -> list[Part]:
-    """Full boards as sides instead of legs: children's and board chairs."""
+    """Build full boards as sides instead of legs: children's and board chairs."""
     seat = seat_size(rng, (0.35, 0.65), (0.3, 0.46), (0.02, 0.12))
     parts = seat_parts(rng, seat, pick(rng, ("board", "cushion", "slatted")))
     bend = random_bend(rng, seat.width, between(rng, 0.25, 0.7), (0.0, 14.0), 0.02)

@@ -12,14 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from kpred.synthetic.cabinet.fronts import Opening, shelf_board, shelves, upright_board
-from kpred.synthetic.chance import between, happens, pick, shares, whole
+from kpred.synthetic.chance import between, fractions, happens, pick, whole
 from kpred.synthetic.parts import Part, box
 
 Family = Callable[[np.random.Generator], list[Part]]
 
 
 def proportions(rng: np.random.Generator, forms: str = "tall cube low") -> tuple[float, float, float]:
-    """Width, height and depth of a case of one of the named forms."""
+    """Draw width, height and depth of a case of one of the named forms."""
     form = pick(rng, forms.split())
     if form == "tall":
         height = between(rng, 1.2, 2.2)
@@ -35,7 +35,7 @@ def proportions(rng: np.random.Generator, forms: str = "tall cube low") -> tuple
 
 
 def base(rng: np.random.Generator, width: float, depth: float, room: float) -> tuple[list[Part], float]:
-    """What carries a case, and its height, at most `room`; nothing at times."""
+    """Build the support of a case, at most `room` high, or nothing; also return its height."""
     kind = pick(rng, ("none", "plinth", "blocks", "legs", "runners", "step"), (3, 2, 2, 2, 0.7, 0.7))
     if kind == "none":
         return [], 0.0
@@ -66,7 +66,7 @@ def base(rng: np.random.Generator, width: float, depth: float, room: float) -> t
 def shell(
     rng: np.random.Generator, width: float, depth: float, bottom: float, top: float, back: str, lid: str = "any"
 ) -> tuple[list[Part], Opening]:
-    """Boards round a space that is open to +z, and that space.
+    """Build boards round a space that is open to +z; also return that space.
 
     `back`: "flush", "inset", "thick" or "none"; `lid`: "inside", "over", "none", or "any" of the first two.
     """
@@ -103,7 +103,7 @@ def shell(
 
 
 def leaves(rng: np.random.Generator, cell: Opening, kind: str, over: bool, handles: bool) -> list[Part]:
-    """Plain leaves that close a cell: "doors" side by side, "drawers" on each other, or a "grid" of drawers."""
+    """Build plain leaves that close a cell: "doors" side by side, "drawers" on each other, or a "grid" of drawers."""
     pitch = between(rng, 0.25, 0.6)
     columns = int(np.clip(round(cell.width / pitch), 1, 4)) if kind != "drawers" else 1
     count = int(np.clip(round(cell.height / between(rng, 0.15, 0.4)), 1, 6)) if kind != "doors" else 1
@@ -113,7 +113,7 @@ def leaves(rng: np.random.Generator, cell: Opening, kind: str, over: bool, handl
     rear = cell.front - 0.002 if over else cell.front - thick - pick(rng, (0.0, 0.0, 0.015))
     deep = kind != "doors" and happens(rng, 0.35)
     body = cell.depth * between(rng, 0.5, 0.9)
-    rows = cell.rows(shares(rng, count, pick(rng, (0.0, 0.3))))
+    rows = cell.rows(fractions(rng, count, pick(rng, (0.0, 0.3))))
     # What stands behind the leaves' edges holds those that touch no board of the case.
     behind = replace(cell, front=cell.front - 0.004)
     parts = [shelf_board(behind, row.bottom, "rail") for row in rows[1:]]
@@ -136,27 +136,27 @@ def leaves(rng: np.random.Generator, cell: Opening, kind: str, over: bool, handl
 
 
 def closed_case(rng: np.random.Generator) -> list[Part]:
-    """A box that is closed on all sides, its front of doors or drawers."""
+    """Build a box that is closed on all sides, its front of doors or drawers."""
     return _case(rng, proportions(rng), pick(rng, ("flush", "flush", "thick")), "any")
 
 
 def low_case(rng: np.random.Generator) -> list[Part]:
-    """A low closed box, wide or square, on the floor or on feet: chest, sideboard, media unit."""
+    """Build a low closed box, wide or square, on the floor or on feet: chest, sideboard, media unit."""
     return _case(rng, proportions(rng, "low low cube"), pick(rng, ("flush", "thick", "none")), "any")
 
 
 def backless_case(rng: np.random.Generator) -> list[Part]:
-    """Closed in front and open behind, where its boards show."""
+    """Build a case closed in front and open behind, where its boards show."""
     return _case(rng, proportions(rng), "none", "any")
 
 
 def lidless_case(rng: np.random.Generator) -> list[Part]:
-    """A case without a top: for a basin, or just open."""
+    """Build a case without a top: for a basin, or just open."""
     return _case(rng, proportions(rng, "cube low low"), pick(rng, ("flush", "flush", "none")), "none")
 
 
 def leggy_case(rng: np.random.Generator) -> list[Part]:
-    """A shallow closed case on four high legs."""
+    """Build a shallow closed case on four high legs."""
     width, _, depth = proportions(rng, "low cube")
     tall = between(rng, 0.22, 0.6)
     legs = tall * between(rng, 0.25, 0.85)
@@ -181,7 +181,7 @@ def _case(rng: np.random.Generator, size: tuple[float, float, float], back: str,
         cells = space.rows([part, 1 - part])
         parts.append(shelf_board(cells[1], cells[1].bottom))
     elif happens(rng, 0.3):
-        cells = space.columns(shares(rng, whole(rng, 2, 3), 0.4))
+        cells = space.columns(fractions(rng, whole(rng, 2, 3), 0.4))
         parts += [upright_board(cell, cell.left) for cell in cells[1:]]
     for cell in cells:
         parts += leaves(rng, cell, pick(rng, ("doors", "drawers", "grid"), (3, 2, 1)), over, handles)
@@ -191,7 +191,7 @@ def _case(rng: np.random.Generator, size: tuple[float, float, float], back: str,
 
 
 def _inside(rng: np.random.Generator, cell: Opening) -> list[Part]:
-    """Boards behind the leaves."""
+    """Build boards behind the leaves."""
     inner = replace(cell, front=cell.front - 0.075)
     return shelves(rng, inner, int(np.clip(round(cell.height / between(rng, 0.2, 0.6)) - 1, 0, 6)), 0.2)
 

@@ -18,7 +18,7 @@ Family = Callable[[np.random.Generator], list[Part]]
 def _posts(
     rng: np.random.Generator, width: float, depth: float, head: float, size: float, straight: bool = False
 ) -> list[Part]:
-    """Four legs at the corners, splayed or tapered at times unless `straight`."""
+    """Build four legs at the corners, splayed or tapered at times unless `straight`."""
     x, z = (width - size) / 2, (depth - size) / 2
     out = 0.0 if straight else pick(rng, (0.0, 0.0, between(rng, -0.03, 0.12))) * head
     foot = size if straight else size * pick(rng, (1.0, 1.0, between(rng, 0.4, 1.1)))
@@ -30,7 +30,7 @@ def _posts(
 
 
 def _stretchers(rng: np.random.Generator, width: float, depth: float, head: float, size: float) -> list[Part]:
-    """Bars between straight legs."""
+    """Build bars between straight legs."""
     x, z, bar = (width - size) / 2, (depth - size) / 2, size * between(rng, 0.4, 0.9)
     y = head * between(rng, 0.15, 0.6)
     parts = [box((bar, bar, 2 * z), (s * x, y, 0), "stretcher") for s in (-1, 1)]
@@ -50,7 +50,7 @@ def _apron(rng: np.random.Generator, width: float, depth: float, head: float) ->
 
 
 def _back(rng: np.random.Generator, width: float, depth: float, seat: float, rise: float) -> list[Part]:
-    """A back that stands on the seat's rear edge: a panel, bars of some kind between rails, or a panel on posts."""
+    """Build a back on the seat's rear edge: a panel, bars between rails, or a panel on posts."""
     kind = pick(rng, ("panel", "panel", "panel", "slats", "ladder", "framed", "rail", "two"))
     thick = depth * pick(rng, (between(rng, 0.03, 0.1), between(rng, 0.08, 0.3)))
     wide = width * pick(rng, (1.0, 1.0, between(rng, 0.7, 1.1)))
@@ -112,7 +112,7 @@ def _back(rng: np.random.Generator, width: float, depth: float, seat: float, ris
 
 
 def _arms(rng: np.random.Generator, width: float, depth: float, seat: float, chance: float = 0.4) -> list[Part]:
-    """Arms at both sides: rests on posts, panels down to the seat, or blocks; none at times."""
+    """Build arms at both sides: rests on posts, panels down to the seat, or blocks; sometimes none."""
     if not happens(rng, chance):
         return []
     rise = between(rng, 0.12, 0.32)
@@ -143,7 +143,7 @@ def _arms(rng: np.random.Generator, width: float, depth: float, seat: float, cha
 
 
 def plain_chair(rng: np.random.Generator) -> list[Part]:
-    """A seat board on four legs and a back: low to high, narrow to wide, thin to stout."""
+    """Build a seat board on four legs and a back: low to high, narrow to wide, thin to stout."""
     width = between(rng, 0.36, 0.7)
     depth, seat = width * between(rng, 0.75, 1.2), between(rng, 0.28, 0.52)
     thick = seat * pick(rng, (between(rng, 0.05, 0.15), between(rng, 0.12, 0.4)))
@@ -160,7 +160,7 @@ def plain_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def high_chair(rng: np.random.Generator) -> list[Part]:
-    """A high seat with a low back or a small one, as at a bar."""
+    """Build a high seat with a low back or a small one, as at a bar."""
     width = between(rng, 0.32, 0.5)
     depth, seat = width * between(rng, 0.85, 1.15), between(rng, 0.58, 0.85)
     thick, size = between(rng, 0.02, 0.14), between(rng, 0.02, 0.07)
@@ -175,7 +175,7 @@ def high_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def block_chair(rng: np.random.Generator) -> list[Part]:
-    """A block as a seat, on the floor or on short feet, with a back of any height; arms as blocks."""
+    """Build a block as a seat, on the floor or short feet, with a back of any height."""
     width, seat = between(rng, 0.45, 1.0), between(rng, 0.26, 0.5)
     depth = width * between(rng, 0.75, 1.3) if width < 0.75 else width * between(rng, 0.7, 1.0)
     feet = seat * pick(rng, (0.0, between(rng, 0.05, 0.35)))
@@ -206,7 +206,7 @@ def block_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def walled_chair(rng: np.random.Generator) -> list[Part]:
-    """Walls round three sides of a seat, as high as each other or not, on the floor, feet, or a column."""
+    """Build walls round three sides of a seat, of equal or different heights, on the floor, feet, or a column."""
     width, depth = between(rng, 0.45, 0.95), between(rng, 0.45, 0.85)
     wall = between(rng, 0.03, 0.2) * width
     lift = pick(rng, (0.0, between(rng, 0.05, 0.2), between(rng, 0.15, 0.3)))
@@ -228,7 +228,7 @@ def walled_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def _column(rng: np.random.Generator, width: float, head: float) -> list[Part]:
-    """A column on a plate or on a cross of bars."""
+    """Build a column on a plate or on a cross of bars."""
     wide = width * pick(rng, (between(rng, 0.08, 0.2), between(rng, 0.15, 0.5)))
     foot, reach = head * between(rng, 0.05, 0.25), width * between(rng, 0.6, 1.1)
     parts = [box((wide, head + 0.004, wide), (0, head / 2 + 0.002, 0), "column")]
@@ -243,7 +243,7 @@ def _column(rng: np.random.Generator, width: float, head: float) -> list[Part]:
 
 
 def column_chair(rng: np.random.Generator) -> list[Part]:
-    """Seat and back on a column with a plate or bars: swivel chairs, bar stools with a back."""
+    """Build a seat and back on a column with a plate or bars: swivel chairs, bar stools with a back."""
     width = between(rng, 0.38, 0.65)
     depth, thick = width * between(rng, 0.8, 1.15), between(rng, 0.03, 0.2)
     seat = thick + between(rng, 0.18, 0.42) if happens(rng, 0.75) else between(rng, 0.55, 0.8)
@@ -253,7 +253,7 @@ def column_chair(rng: np.random.Generator) -> list[Part]:
 
 
 def slab_throne(rng: np.random.Generator) -> list[Part]:
-    """A panel from the floor to far above the seat, the seat a block or held by panels or front legs."""
+    """Build a panel far above the seat, the seat a block or held by panels or front legs."""
     width, seat = between(rng, 0.38, 0.75), between(rng, 0.3, 0.52)
     depth, top = width * between(rng, 0.7, 1.2), seat + between(rng, 0.3, 0.95)
     thick = depth * between(rng, 0.04, 0.2)
@@ -275,7 +275,7 @@ def slab_throne(rng: np.random.Generator) -> list[Part]:
 
 
 def bent_chair(rng: np.random.Generator) -> list[Part]:
-    """Seat, lean back and runners, side frames or a bent support: cantilevers, loungers, deck chairs."""
+    """Build a seat, lean back and runners, side frames or a bent support: cantilevers, loungers, deck chairs."""
     width = between(rng, 0.42, 0.75)
     depth, seat = width * between(rng, 0.8, 1.4), between(rng, 0.25, 0.46)
     thick, bar = between(rng, 0.02, 0.14), between(rng, 0.02, 0.06)

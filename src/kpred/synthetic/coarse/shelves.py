@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from kpred.synthetic.cabinet.fronts import Opening, shelf_board, shelves, upright_board
-from kpred.synthetic.chance import between, happens, pick, shares, whole
+from kpred.synthetic.chance import between, fractions, happens, pick, whole
 from kpred.synthetic.coarse.cabinets import base, leaves, proportions, shell
 from kpred.synthetic.parts import Part, box
 
@@ -24,13 +24,13 @@ def _boards(rng: np.random.Generator, cell: Opening, spacing: tuple[float, float
 
 
 def plain_shelf(rng: np.random.Generator) -> list[Part]:
-    """An open bookcase: one or more columns of boards, with or without a back."""
+    """Build an open bookcase: one or more columns of boards, with or without a back."""
     width, height, depth = proportions(rng, "tall tall cube low")
     depth = min(depth, 0.5)
     carried, lift = base(rng, width, depth, 0.25 * height)
     back = pick(rng, ("flush", "thick", "inset", "none"), (3, 2, 1, 2))
     parts, space = shell(rng, width, depth, lift, height, back)
-    cells = space.columns(shares(rng, int(np.clip(round(width / between(rng, 0.35, 0.9)), 1, 4)), 0.3))
+    cells = space.columns(fractions(rng, int(np.clip(round(width / between(rng, 0.35, 0.9)), 1, 4)), 0.3))
     parts += [upright_board(cell, cell.left) for cell in cells[1:]]
     level = happens(rng, 0.5)
     seed = int(rng.integers(2**31))
@@ -40,7 +40,7 @@ def plain_shelf(rng: np.random.Generator) -> list[Part]:
 
 
 def framed_shelf(rng: np.random.Generator) -> list[Part]:
-    """Bays behind a face frame of broad posts and rails; the back is closed."""
+    """Build bays behind a face frame of broad posts and rails; the back is closed."""
     width, height, depth = proportions(rng, "tall tall cube")
     carried, lift = base(rng, width, depth, 0.2 * height)
     parts, space = shell(rng, width, depth, lift, height, pick(rng, ("flush", "thick")))
@@ -50,7 +50,7 @@ def framed_shelf(rng: np.random.Generator) -> list[Part]:
     tall = height - lift
     parts += [box((post, tall, deep), (s * (width - post) / 2, lift + tall / 2, z), "stile") for s in (-1, 1)]
     rows = int(np.clip(round(height / between(rng, 0.22, 0.5)), 1, 7))
-    for index, row in enumerate(space.rows(shares(rng, rows, 0.2))):
+    for index, row in enumerate(space.rows(fractions(rng, rows, 0.2))):
         if index:
             parts.append(shelf_board(row, row.bottom))
         y = max(row.bottom, lift + rail / 2)
@@ -61,16 +61,16 @@ def framed_shelf(rng: np.random.Generator) -> list[Part]:
 
 
 def half_open(rng: np.random.Generator) -> list[Part]:
-    """Rows or columns, some closed by leaves and others open."""
+    """Build rows or columns, some closed by leaves and others open."""
     width, height, depth = proportions(rng)
     carried, lift = base(rng, width, depth, 0.3 * height)
     parts, space = shell(rng, width, depth, lift, height, pick(rng, ("flush", "thick", "none"), (3, 1, 1)))
     count = whole(rng, 2, 3)
     if happens(rng, 0.5 if width > height else 0.15):
-        cells = space.columns(shares(rng, count, 0.5))
+        cells = space.columns(fractions(rng, count, 0.5))
         parts += [upright_board(cell, cell.left) for cell in cells[1:]]
     else:
-        cells = space.rows(shares(rng, count, 0.5))
+        cells = space.rows(fractions(rng, count, 0.5))
         parts += [shelf_board(cell, cell.bottom) for cell in cells[1:]]
     over, handles = happens(rng, 0.5), happens(rng, 0.3)
     closed = int(rng.integers(count))
@@ -83,7 +83,7 @@ def half_open(rng: np.random.Generator) -> list[Part]:
 
 
 def case_ajar(rng: np.random.Generator) -> list[Part]:
-    """A case whose doors stand open, or one of whose drawers is pulled out."""
+    """Build a case whose doors stand open, or one of whose drawers is pulled out."""
     width, height, depth = proportions(rng, "tall cube")
     parts, space = shell(rng, width, depth, 0.0, height, pick(rng, ("flush", "thick")))
     parts += _boards(rng, space)
@@ -103,7 +103,7 @@ def case_ajar(rng: np.random.Generator) -> list[Part]:
 
 
 def stacked_cases(rng: np.random.Generator) -> list[Part]:
-    """Two cases on each other, the upper one narrower, shallower or jutting out."""
+    """Build two cases on each other, the upper one narrower, shallower or jutting out."""
     width, height, depth = proportions(rng, "tall tall cube")
     part = between(rng, 0.25, 0.7) * height
     back = pick(rng, ("flush", "flush", "none"))
@@ -123,7 +123,7 @@ def stacked_cases(rng: np.random.Generator) -> list[Part]:
 
 
 def post_shelf(rng: np.random.Generator) -> list[Part]:
-    """Boards between four corner posts or two pairs of side frames."""
+    """Build boards between four corner posts or two pairs of side frames."""
     width, height, depth = proportions(rng, "tall tall cube low")
     depth = float(np.clip(depth, 0.25, 0.6))
     post = between(rng, 0.015, 0.07)
@@ -140,7 +140,7 @@ def post_shelf(rng: np.random.Generator) -> list[Part]:
 
 
 def low_bench(rng: np.random.Generator) -> list[Part]:
-    """A low unit of two or three levels for a screen, parts of it closed, its levels of different widths."""
+    """Build a low unit of two or three levels for a screen, parts of it closed, its levels of different widths."""
     width, depth = between(rng, 0.9, 2.4), between(rng, 0.3, 0.6)
     thick = between(rng, 0.02, 0.07)
     levels = whole(rng, 2, 3)

@@ -18,7 +18,7 @@ Family = Callable[[np.random.Generator], list[Part]]
 
 
 def table_size(rng: np.random.Generator, forms: str = "square oblong long high") -> tuple[float, float, float]:
-    """Width, height and depth of a table of one of the named forms, width the larger of the two sides."""
+    """Draw width, height and depth of a table of one of the named forms, width the larger side."""
     form = pick(rng, forms.split())
     if form == "square":
         width = between(rng, 0.45, 1.4)
@@ -39,7 +39,7 @@ def _bounded(size: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _top(rng: np.random.Generator, width: float, height: float, depth: float) -> tuple[list[Part], float]:
-    """A top and the height of its lower face; a few are frames whose pane of glass is not there."""
+    """Build a top, sometimes a frame without its pane; also return the height of its lower face."""
     thick = height * pick(rng, (between(rng, 0.02, 0.06), between(rng, 0.04, 0.2)))
     y = height - thick / 2
     if happens(rng, 0.06):
@@ -60,7 +60,7 @@ def _top(rng: np.random.Generator, width: float, height: float, depth: float) ->
 def _corner_posts(
     rng: np.random.Generator, width: float, depth: float, head: float, size: float, inset: float, straight: bool = False
 ) -> list[Part]:
-    """Four legs with square or oblong sections, their outer faces `inset` from the top's edges; splayed at times."""
+    """Build four legs of square or oblong section, their outer faces `inset` from the top's edges."""
     deep = size * pick(rng, (1.0, 1.0, between(rng, 0.4, 2.0)))
     x, z = (width - size) / 2 - inset, (depth - deep) / 2 - inset
     out = 0.0 if straight else pick(rng, (0.0, 0.0, between(rng, -0.1, 0.15))) * head
@@ -74,7 +74,7 @@ def _corner_posts(
 
 
 def post_table(rng: np.random.Generator) -> list[Part]:
-    """Four posts, thin to very thick, with an apron and bars or boards below it as may be."""
+    """Build four posts, thin to very thick, with or without an apron and bars or boards below it."""
     width, height, depth = _bounded(table_size(rng))
     parts, head = _top(rng, width, height, depth)
     size = min(width, depth) * pick(rng, (between(rng, 0.03, 0.1), between(rng, 0.08, 0.28)))
@@ -104,7 +104,7 @@ def post_table(rng: np.random.Generator) -> list[Part]:
 
 
 def tier_table(rng: np.random.Generator) -> list[Part]:
-    """Posts with one to three boards below the top; the lowest may lie on the floor."""
+    """Build posts with one to three boards below the top; the lowest may lie on the floor."""
     width, height, depth = _bounded(table_size(rng, "square oblong oblong high"))
     parts, head = _top(rng, width, height, depth)
     size = min(width, depth) * between(rng, 0.03, 0.16)
@@ -124,7 +124,7 @@ def tier_table(rng: np.random.Generator) -> list[Part]:
 
 
 def panel_table(rng: np.random.Generator) -> list[Part]:
-    """Two panels as legs, with a panel at the back, a shelf or a bar between them as may be."""
+    """Build two panels as legs, with or without a panel at the back, a shelf or a bar between them."""
     width, height, depth = _bounded(table_size(rng, "square oblong long long"))
     parts, head = _top(rng, width, height, depth)
     thick = width * pick(rng, (between(rng, 0.012, 0.04), between(rng, 0.03, 0.18)))
@@ -148,7 +148,7 @@ def panel_table(rng: np.random.Generator) -> list[Part]:
 
 
 def block_table(rng: np.random.Generator) -> list[Part]:
-    """A block down to the floor under a top that juts out over it, or does not: counters, altars, cubes."""
+    """Build a block down to the floor under a top that juts out over it, or does not: counters, altars, cubes."""
     width, height, depth = _bounded(table_size(rng, "square square oblong long"))
     parts, head = _top(rng, width, height, depth)
     over = pick(rng, (0.0, between(rng, 0.02, 0.1), between(rng, 0.1, 0.3))) * depth
@@ -175,7 +175,7 @@ def block_table(rng: np.random.Generator) -> list[Part]:
 
 
 def drawer_table(rng: np.random.Generator) -> list[Part]:
-    """A case as a thick apron between top and legs, with drawers in its front or open to it."""
+    """Build a case as a thick apron between top and legs, with drawers in its front or open to it."""
     width, height, depth = _bounded(table_size(rng, "square oblong long high"))
     parts, head = _top(rng, width, height, depth)
     over = pick(rng, (0.0, between(rng, 0.01, 0.08))) * depth
@@ -199,7 +199,7 @@ def drawer_table(rng: np.random.Generator) -> list[Part]:
 
 
 def cased_desk(rng: np.random.Generator) -> list[Part]:
-    """Cases at one or both ends under a top, legs or a panel at a free end, a panel behind as may be."""
+    """Build cases at one or both ends under a top, with legs or a panel at a free end."""
     width, height, depth = _bounded(table_size(rng, "oblong long"))
     parts, head = _top(rng, width, height, depth)
     board, case = between(rng, 0.012, 0.04), width * between(rng, 0.18, 0.38)
@@ -234,7 +234,7 @@ def cased_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def column_table(rng: np.random.Generator) -> list[Part]:
-    """One or two columns or T-shaped legs, on plates, crosses or bars."""
+    """Build one or two columns or T-shaped legs, on plates, crosses or bars."""
     width, height, depth = _bounded(table_size(rng))
     parts, head = _top(rng, width, height, depth)
     count = 2 if width > 1.2 * depth and happens(rng, 0.75) else 1
@@ -263,7 +263,7 @@ def column_table(rng: np.random.Generator) -> list[Part]:
 
 
 def cluster_table(rng: np.random.Generator) -> list[Part]:
-    """A top on a base that is not at its corners: inner legs, crossing panels, a smaller box."""
+    """Build a top on a base that is not at its corners: inner legs, crossing panels, a smaller box."""
     width, height, depth = _bounded(table_size(rng))
     parts, head = _top(rng, width, height, depth)
     small = between(rng, 0.3, 0.75)
@@ -284,9 +284,9 @@ def cluster_table(rng: np.random.Generator) -> list[Part]:
     low = 0.0
     count = whole(rng, 2, 3)
     for index in range(count):
-        share = between(rng, 0.3, 0.95)
+        fraction = between(rng, 0.3, 0.95)
         tall = head / count
-        parts.append(box((width * share, tall + 0.004, depth * share), (0, low + tall / 2, 0), f"block_{index}"))
+        parts.append(box((width * fraction, tall + 0.004, depth * fraction), (0, low + tall / 2, 0), f"block_{index}"))
         low += tall
     return parts
 

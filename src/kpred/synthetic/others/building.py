@@ -17,19 +17,19 @@ def _rectangle(width: float, depth: float) -> np.ndarray:
 
 
 def _ragged(rng: np.random.Generator, width: float, depth: float) -> np.ndarray:
-    """Outline (M, 2) of a crop about the origin: a rectangle, or something irregular that fills it roughly."""
+    """Draw the outline (M, 2) of a crop about the origin: a rectangle or an irregular shape."""
     if happens(rng, 0.4):
         return _rectangle(width, depth)
     angles = np.linspace(0.0, 2.0 * np.pi, whole(rng, 7, 20), endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     square = circle / np.abs(circle).max(axis=1, keepdims=True)
-    share = between(rng, 0.0, 1.0)
-    outline = (share * circle + (1.0 - share) * square) * rng.uniform(0.6, 1.0, (len(angles), 1))
+    fraction = between(rng, 0.0, 1.0)
+    outline = (fraction * circle + (1.0 - fraction) * square) * rng.uniform(0.6, 1.0, (len(angles), 1))
     return outline * (width / 2.0, depth / 2.0)
 
 
 def _wall(rng: np.random.Generator, width: float, height: float, thickness: float, ragged: bool = False) -> list[Part]:
-    """Wall about x = 0 with its face at z = 0 and its bulk behind it, with a door, a window or nothing.
+    """Build a wall about x = 0, its face at z = 0, with a door, a window or nothing.
 
     With `ragged` a wall without an opening may end anywhere, as crops do; it is then about as wide and high as said.
     """
@@ -64,12 +64,12 @@ def _thickness(rng: np.random.Generator) -> float:
 
 
 def wall(rng: np.random.Generator) -> list[Part]:
-    """Piece of a wall."""
+    """Build a piece of a wall."""
     return _wall(rng, between(rng, 0.4, 4.0), between(rng, 0.4, 2.8), _thickness(rng), ragged=True)
 
 
 def corner(rng: np.random.Generator) -> list[Part]:
-    """Two walls that meet, with or without the floor between them."""
+    """Build two walls that meet, with or without the floor between them."""
     height, thickness = between(rng, 0.5, 2.8), _thickness(rng)
     first, second = between(rng, 0.4, 3.0), between(rng, 0.4, 3.0)
     back = _wall(rng, first, height, thickness)
@@ -82,7 +82,7 @@ def corner(rng: np.random.Generator) -> list[Part]:
 
 
 def floor(rng: np.random.Generator) -> list[Part]:
-    """Flat piece of a floor or ceiling, sometimes with a step or a low stub on it."""
+    """Build a flat piece of a floor or ceiling, sometimes with a step or a low stub on it."""
     width, depth = between(rng, 0.3, 4.0), between(rng, 0.3, 4.0)
     parts = [slab(_ragged(rng, width, depth), 0.0, between(rng, 0.005, 0.06), "floor")]
     if happens(rng, 0.3):
@@ -92,14 +92,14 @@ def floor(rng: np.random.Generator) -> list[Part]:
 
 
 def wall_and_floor(rng: np.random.Generator) -> list[Part]:
-    """A wall that rises from a piece of floor."""
+    """Build a wall that rises from a piece of floor."""
     width, depth = between(rng, 0.4, 3.0), between(rng, 0.2, 2.5)
     parts = _wall(rng, width, between(rng, 0.3, 2.6), _thickness(rng))
     return [*parts, slab(_ragged(rng, width, depth) + (0.0, 0.3 * depth), -0.02, 0.025, "floor")]
 
 
 def stairs(rng: np.random.Generator) -> list[Part]:
-    """Solid or open flight of steps that rises to the back."""
+    """Build a solid or open flight of steps that rises to the back."""
     count, width = whole(rng, 3, 14), between(rng, 0.6, 1.6)
     rise, run = between(rng, 0.14, 0.2), between(rng, 0.22, 0.34)
     solid = happens(rng, 0.5)
@@ -119,7 +119,7 @@ def stairs(rng: np.random.Generator) -> list[Part]:
 
 
 def column(rng: np.random.Generator) -> list[Part]:
-    """Column or pillar with a foot and a head."""
+    """Build a column or pillar with a foot and a head."""
     radius, height = between(rng, 0.08, 0.35), between(rng, 0.9, 3.2)
     wide = radius * between(rng, 1.1, 1.6)
     foot = height * between(rng, 0.02, 0.1)
@@ -133,7 +133,7 @@ def column(rng: np.random.Generator) -> list[Part]:
 
 
 def radiator(rng: np.random.Generator) -> list[Part]:
-    """Row of ribs between two pipes."""
+    """Build a row of ribs between two pipes."""
     count, height = whole(rng, 5, 22), between(rng, 0.3, 1.2)
     pitch, depth = between(rng, 0.045, 0.08), between(rng, 0.05, 0.16)
     lift = between(rng, 0.05, 0.2)
@@ -149,7 +149,7 @@ def radiator(rng: np.random.Generator) -> list[Part]:
 
 
 def ladder(rng: np.random.Generator) -> list[Part]:
-    """Leaning ladder or step ladder."""
+    """Build a leaning ladder or step ladder."""
     height, width = between(rng, 1.0, 3.0), between(rng, 0.3, 0.5)
     lean, rungs = between(rng, 8.0, 25.0), whole(rng, 4, 10)
     parts = [beam((x, 0.0, 0.0), (x, height, 0.0), 0.03, 0.07, "rail") for x in (-width / 2.0, width / 2.0)]
@@ -165,7 +165,7 @@ def ladder(rng: np.random.Generator) -> list[Part]:
 
 
 def curtain(rng: np.random.Generator) -> list[Part]:
-    """Hanging cloth in folds."""
+    """Build a hanging cloth in folds."""
     width, height, folds = between(rng, 0.4, 2.0), between(rng, 0.8, 2.5), whole(rng, 3, 9)
     depth, thickness = between(rng, 0.02, 0.08), 0.01
     rings = []

@@ -33,7 +33,7 @@ def _grounded(parts: list[Part]) -> list[Part]:
 
 
 def loose_part(rng: np.random.Generator) -> list[Part]:
-    """One part of a chair or table: a leg, a rail, an arm, a small board."""
+    """Build one part of a chair or table: a leg, a rail, an arm, a small board."""
     parts = _furniture(rng, pick(rng, ["chair", "table"]))
     low, high = _box_of(parts)
     whole_size = float(np.linalg.norm(high - low))
@@ -44,7 +44,7 @@ def loose_part(rng: np.random.Generator) -> list[Part]:
 
 
 def board(rng: np.random.Generator) -> list[Part]:
-    """Bare board that lies, stands on an edge or leans."""
+    """Build a bare board that lies, stands on an edge or leans."""
     plan = rounded_rectangle(between(rng, 0.2, 2.0), between(rng, 0.15, 1.2), between(rng, 0.0, 0.1))
     plank = slab(plan, 0.0, between(rng, 0.01, 0.06), "board")
     tilt = pick(rng, [0.0, 90.0, between(rng, 50.0, 85.0)])
@@ -52,7 +52,7 @@ def board(rng: np.random.Generator) -> list[Part]:
 
 
 def frame(rng: np.random.Generator) -> list[Part]:
-    """Bare frame: four bars in a plane, or the twelve edges of a block."""
+    """Build a bare frame: four bars in a plane, or the twelve edges of a block."""
     width, height, depth = between(rng, 0.3, 1.5), between(rng, 0.3, 1.5), between(rng, 0.3, 0.8)
     bar = between(rng, 0.02, 0.06)
     deep = happens(rng, 0.3)
@@ -71,7 +71,7 @@ def frame(rng: np.random.Generator) -> list[Part]:
 
 
 def heap(rng: np.random.Generator) -> list[Part]:
-    """Boxes and sticks thrown on a heap."""
+    """Build boxes and sticks thrown on a heap."""
     size = between(rng, 0.3, 1.0)
     parts: list[Part] = []
     for _ in range(whole(rng, 5, 20)):
@@ -88,7 +88,7 @@ def heap(rng: np.random.Generator) -> list[Part]:
 
 
 def two_pieces(rng: np.random.Generator) -> list[Part]:
-    """Two pieces of furniture beside each other, at any yaw, a chair sometimes pushed under a table."""
+    """Build two pieces of furniture beside each other, at any yaw, a chair sometimes pushed under a table."""
     # Two cabinets or two tables in a row are one longer cabinet or table.
     kinds = [("chair", "chair"), ("chair", "table"), ("chair", "cabinet"), ("table", "cabinet")]
     first, second = pick(rng, kinds, (3, 3, 1, 1))
@@ -108,7 +108,7 @@ def _reach(parts: list[Part], direction: np.ndarray) -> float:
 
 
 def fallen_furniture(rng: np.random.Generator) -> list[Part]:
-    """A chair or table on its side, on its back or upside down."""
+    """Build a chair or table on its side, on its back or upside down."""
     # Cabinets are left out: on their side they are cabinets of another size.
     parts = _furniture(rng, pick(rng, ["chair", "table"], (2, 1)))
     axis = pick(rng, ["x", "z"])

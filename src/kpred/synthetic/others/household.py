@@ -32,7 +32,7 @@ def _shade(rng: np.random.Generator, radius: float, height: float, bottom: float
 
 
 def floor_lamp(rng: np.random.Generator) -> list[Part]:
-    """Foot, pole and shade; sometimes three legs or an arc."""
+    """Build a foot, pole and shade; sometimes three legs or an arc."""
     height, radius = between(rng, 1.2, 1.9), between(rng, 0.1, 0.28)
     shade = between(rng, 0.15, 0.4)
     parts = [cylinder(0.012, (0.0, 0.02, 0.0), (0.0, height - 0.1, 0.0), "pole", sides=8)]
@@ -47,7 +47,7 @@ def floor_lamp(rng: np.random.Generator) -> list[Part]:
 
 
 def desk_lamp(rng: np.random.Generator) -> list[Part]:
-    """Foot with a shade, or with a jointed arm and a head."""
+    """Build a foot with a shade, or with a jointed arm and a head."""
     if happens(rng, 0.4):
         height, shade = between(rng, 0.25, 0.6), between(rng, 0.1, 0.25)
         belly = between(rng, 0.03, 0.12)
@@ -63,7 +63,7 @@ def desk_lamp(rng: np.random.Generator) -> list[Part]:
 
 
 def turned_vessel(rng: np.random.Generator) -> list[Part]:
-    """Waste bin, bucket, vase or bottle."""
+    """Build a waste bin, bucket, vase or bottle."""
     kind = pick(rng, ["bin", "bucket", "vase", "bottle"])
     if kind in ("bin", "bucket"):
         height, radius = between(rng, 0.2, 0.7), between(rng, 0.1, 0.25)
@@ -94,7 +94,7 @@ def turned_vessel(rng: np.random.Generator) -> list[Part]:
 
 
 def screen(rng: np.random.Generator) -> list[Part]:
-    """Monitor or television on its stand."""
+    """Build a monitor or television on its stand."""
     width = between(rng, 0.4, 0.8) if happens(rng, 0.5) else between(rng, 0.8, 1.7)
     height, depth, lift = width * between(rng, 0.5, 0.65), between(rng, 0.02, 0.08), between(rng, 0.03, 0.2)
     parts = [box((width, height, depth), (0.0, lift + height / 2.0, 0.0), "screen")]
@@ -109,7 +109,7 @@ def screen(rng: np.random.Generator) -> list[Part]:
 
 
 def bicycle(rng: np.random.Generator) -> list[Part]:
-    """Two wheels, a frame, a saddle and handlebars, along x."""
+    """Build two wheels, a frame, a saddle and handlebars, along x."""
     radius, reach = between(rng, 0.2, 0.35), between(rng, 0.45, 0.58)
     tube = between(rng, 0.025, 0.05)
     rear, front = np.array([-reach, radius, 0.0]), np.array([reach, radius, 0.0])
@@ -128,7 +128,7 @@ def bicycle(rng: np.random.Generator) -> list[Part]:
 
 
 def luggage(rng: np.random.Generator) -> list[Part]:
-    """Suitcase upright with its handle drawn out, or lying open."""
+    """Build a suitcase upright with its handle drawn out, or lying open."""
     width, height, depth = between(rng, 0.3, 0.55), between(rng, 0.45, 0.8), between(rng, 0.15, 0.3)
     if happens(rng, 0.5):
         parts = [cushion((width, height, depth), (0.0, height / 2.0 + 0.04, 0.0), "case")]
@@ -145,7 +145,7 @@ def luggage(rng: np.random.Generator) -> list[Part]:
 
 
 def open_box(rng: np.random.Generator) -> list[Part]:
-    """Cardboard box or crate without a lid, its flaps standing open."""
+    """Build a cardboard box or crate without a lid, its flaps standing open."""
     width, height, depth = between(rng, 0.2, 0.7), between(rng, 0.12, 0.6), between(rng, 0.2, 0.6)
     plan = rounded_rectangle(width, depth, 0.0)
     parts = [vessel([plan, plan], [0.0, height], 0.008, "box")]
@@ -158,7 +158,7 @@ def open_box(rng: np.random.Generator) -> list[Part]:
 
 
 def toilet(rng: np.random.Generator) -> list[Part]:
-    """Bowl on a foot with a seat, and mostly a cistern behind it."""
+    """Build a bowl on a foot with a seat, and mostly a cistern behind it."""
     rim, length, width = between(rng, 0.36, 0.44), between(rng, 0.45, 0.6), between(rng, 0.34, 0.4)
     plans = [ellipse(width * s, length * s, 20) for s in (0.55, 0.5, 1.0)]
     parts = [vessel(plans, [0.0, 0.5 * rim, rim], 0.05, "bowl")]
@@ -173,7 +173,7 @@ def toilet(rng: np.random.Generator) -> list[Part]:
 
 
 def bathtub(rng: np.random.Generator) -> list[Part]:
-    """Tub with sloping walls, sometimes on feet."""
+    """Build a tub with sloping walls, sometimes on feet."""
     length, width, height = between(rng, 1.2, 1.9), between(rng, 0.6, 0.9), between(rng, 0.4, 0.65)
     foot = between(rng, 0.7, 1.0)
     corner = between(rng, 0.05, 0.5) * width
@@ -186,7 +186,7 @@ def bathtub(rng: np.random.Generator) -> list[Part]:
 
 
 def sink(rng: np.random.Generator) -> list[Part]:
-    """Wash basin on a pedestal or by itself."""
+    """Build a wash basin on a pedestal or by itself."""
     width, depth, bowl = between(rng, 0.4, 0.7), between(rng, 0.35, 0.5), between(rng, 0.12, 0.2)
     rim = between(rng, 0.75, 0.9) if happens(rng, 0.7) else bowl
     round_one = happens(rng, 0.5)
@@ -202,7 +202,7 @@ def sink(rng: np.random.Generator) -> list[Part]:
 
 
 def bed(rng: np.random.Generator) -> list[Part]:
-    """Mattress on a frame with a headboard, pillows and sometimes a blanket."""
+    """Build a mattress on a frame with a headboard, pillows and sometimes a blanket."""
     width, length = between(rng, 0.8, 2.0), between(rng, 1.7, 2.2)
     frame, mattress = between(rng, 0.15, 0.4), between(rng, 0.12, 0.3)
     lift = between(rng, 0.0, 0.6) * frame
@@ -228,7 +228,7 @@ def bed(rng: np.random.Generator) -> list[Part]:
 
 
 def piano(rng: np.random.Generator) -> list[Part]:
-    """Grand piano with its lid up, or an upright one with its keyboard out front."""
+    """Build a grand piano with its lid up, or an upright one with its keyboard out front."""
     if happens(rng, 0.5):
         width, height, keys = between(rng, 1.4, 1.55), between(rng, 1.0, 1.35), between(rng, 0.2, 0.3)
         parts = [box((width, height, 0.35), (0.0, height / 2.0, 0.0), "body")]

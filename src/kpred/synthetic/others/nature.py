@@ -26,13 +26,13 @@ def _pot(rng: np.random.Generator, radius: float, height: float) -> list[Part]:
 
 
 def _outward(rng: np.random.Generator, steepness: float) -> np.ndarray:
-    """Random direction (3,) with an elevation of about `steepness` degrees."""
+    """Draw a direction (3,) with an elevation of about `steepness` degrees."""
     around, up = between(rng, 0.0, 2.0 * np.pi), np.radians(np.clip(rng.normal(steepness, 18.0), -30.0, 88.0))
     return np.array([np.cos(around) * np.cos(up), np.sin(up), np.sin(around) * np.cos(up)])
 
 
 def potted_plant(rng: np.random.Generator) -> list[Part]:
-    """Pot with a rosette of leaves, leaves along stems, or a bush of balls."""
+    """Build a pot with a rosette of leaves, leaves along stems, or a bush of balls."""
     size = between(rng, 0.3, 1.8)
     height = between(rng, 0.15, 0.35) * min(size, 1.0)
     parts = _pot(rng, height * between(rng, 0.4, 0.8), height)
@@ -66,7 +66,7 @@ def _crown(rng: np.random.Generator, center: np.ndarray, radius: float) -> list[
 
 
 def tree(rng: np.random.Generator) -> list[Part]:
-    """Bare tree or one with a crown; coat stands that branch look much like it."""
+    """Build a bare tree or one with a crown; coat stands that branch look much like it."""
     height = between(rng, 0.8, 3.0)
     parts: list[Part] = []
 
@@ -77,9 +77,9 @@ def tree(rng: np.random.Generator) -> list[Part]:
         if depth == 0:
             return
         for _ in range(whole(rng, 2, 4)):
-            turned = heading + rng.normal(0.0, 0.5, 3)
+            bent = heading + rng.normal(0.0, 0.5, 3)
             fork = path[whole(rng, 2, 4)]
-            branch(fork, turned / np.linalg.norm(turned), length * between(rng, 0.45, 0.75), 0.6 * thickness, depth - 1)
+            branch(fork, bent / np.linalg.norm(bent), length * between(rng, 0.45, 0.75), 0.6 * thickness, depth - 1)
 
     branch(np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.5 * height, 0.05 * height, whole(rng, 2, 3))
     if happens(rng, 0.3):
@@ -102,14 +102,14 @@ def blob(rng: np.random.Generator) -> list[Part]:
 
 
 def ball(rng: np.random.Generator) -> list[Part]:
-    """Ball, egg or lens."""
+    """Build a ball, egg or lens."""
     size = between(rng, 0.06, 0.5)
     flat = (1.0, between(rng, 0.3, 1.3), 1.0) if happens(rng, 0.5) else (1.0, 1.0, 1.0)
     return [ellipsoid(np.multiply(flat, size), (0.0, 0.0, 0.0), "ball", sides=20, rings=14)]
 
 
 def person(rng: np.random.Generator) -> list[Part]:
-    """Person that stands, walks or sits (without a seat)."""
+    """Build a person that stands, walks or sits (without a seat)."""
     tall = between(rng, 1.0, 1.95)
     hip = 0.5 * tall * between(rng, 0.95, 1.05)
     sitting = happens(rng, 0.4)
@@ -150,7 +150,7 @@ def _arm(rng: np.random.Generator, shoulder: np.ndarray, side: float, tall: floa
 
 
 def backpack(rng: np.random.Generator) -> list[Part]:
-    """Soft bag with a pocket and two straps."""
+    """Build a soft bag with a pocket and two straps."""
     width, height, depth = between(rng, 0.2, 0.4), between(rng, 0.3, 0.6), between(rng, 0.12, 0.25)
     radii = np.array([width, height, depth]) / 2.0
     parts = [bumpy_ball(rng, radii, (0.0, radii[1], 0.0), "bag", bump=0.15)]
@@ -166,7 +166,7 @@ def _behind(top: Vector, bottom: Vector, depth: float) -> np.ndarray:
 
 
 def rolled_carpet(rng: np.random.Generator) -> list[Part]:
-    """Carpet roll, lying or leaning nearly upright, sometimes with a loose end."""
+    """Build a carpet roll, lying or leaning nearly upright, sometimes with a loose end."""
     radius, length = between(rng, 0.05, 0.2), between(rng, 0.6, 2.5)
     profile = [(radius, 0.0), (radius, length), (0.4 * radius, length), (0.4 * radius, 0.85 * length)]
     roll = lathe(profile, (0.0, 0.0, 0.0), "roll", sides=18)

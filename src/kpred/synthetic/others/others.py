@@ -22,7 +22,7 @@ Family = Callable[[np.random.Generator], list[Part]]
 
 
 def _stretched(family: Family) -> Family:
-    """The family with its shapes scaled at random, by about 10 % along each axis on its own."""
+    """Wrap a family so that its shapes are scaled at random, by about 10 % along each axis."""
 
     def build(rng: np.random.Generator) -> list[Part]:
         factors = np.exp(np.clip(rng.normal(0.0, 0.1, 3), -0.3, 0.3))
@@ -41,7 +41,7 @@ OTHER_FAMILIES: dict[str, Family] = {
 
 
 def generate_others(count: int, seed: int) -> MeshPack:
-    """`generate("other", count, seed)`: a pack of `count` shapes that are no chair, table or cabinet.
+    """Generate a pack of `count` shapes that are no chair, table or cabinet.
 
     Metres, y up, floor at y = 0, bounding box centred in x and z.
 

@@ -24,7 +24,7 @@ def _x_frame(x: float, head: float, span: float, wide: float, deep: float) -> li
 
 
 def trestle_table(rng: np.random.Generator) -> list[Part]:
-    """Two end frames (I, X, A, V, or block) and a long stretcher under the top."""
+    """Build two end frames (I, X, A, V, or block) and a long stretcher under the top."""
     width = between(rng, 1.2, 2.6)
     depth = float(np.clip(width / between(rng, 1.5, 3.0), 0.6, 1.1))
     height, thick = between(rng, 0.7, 0.8), between(rng, 0.025, 0.07)
@@ -64,7 +64,7 @@ def trestle_table(rng: np.random.Generator) -> list[Part]:
 
 
 def x_leg_table(rng: np.random.Generator) -> list[Part]:
-    """Legs that cross along the width, as butlers' tables, folding tables and sawhorse desks have."""
+    """Build legs that cross along the width, as in butlers' tables and sawhorse desks."""
     width = between(rng, 0.5, 1.6)
     depth = float(np.clip(width / between(rng, 1.0, 2.6), 0.38, 0.85))
     height, thick, bar = between(rng, 0.4, 0.95), between(rng, 0.015, 0.045), between(rng, 0.025, 0.05)
@@ -86,7 +86,7 @@ def x_leg_table(rng: np.random.Generator) -> list[Part]:
 
 
 def slab_table(rng: np.random.Generator) -> list[Part]:
-    """Two standing slabs at the ends, flush with the top (waterfall) or set in; with shelf or back panel at times."""
+    """Build two standing slabs at the ends, flush with the top (waterfall) or set in."""
     width = between(rng, 0.5, 2.0)
     depth = float(np.clip(width / between(rng, 1.0, 3.0), 0.35, 1.0))
     height = pick(rng, (between(rng, 0.3, 0.5), between(rng, 0.68, 0.8)))
@@ -114,7 +114,7 @@ def slab_table(rng: np.random.Generator) -> list[Part]:
 
 
 def cube_table(rng: np.random.Generator) -> list[Part]:
-    """A solid block, an open box, or a slatted box."""
+    """Build a solid block, an open box, or a slatted box."""
     width = between(rng, 0.35, 0.9)
     depth, height, thick = width / between(rng, 1.0, 1.5), between(rng, 0.32, 0.6), between(rng, 0.02, 0.05)
     form = pick(rng, ("block", "open", "shelf", "slats", "taper"))
@@ -149,7 +149,7 @@ def cube_table(rng: np.random.Generator) -> list[Part]:
 
 
 def sled_table(rng: np.random.Generator) -> list[Part]:
-    """Closed or open loops of bar at the two ends: runners on the floor, uprights, bars under the top."""
+    """Build closed or open loops of bar at the two ends: runners on the floor, uprights, bars under the top."""
     width = between(rng, 0.6, 2.2)
     depth = float(np.clip(width / between(rng, 1.0, 2.8), 0.4, 1.0))
     height, thick = pick(rng, (between(rng, 0.35, 0.5), between(rng, 0.68, 0.78))), between(rng, 0.015, 0.05)
@@ -179,7 +179,7 @@ def sled_table(rng: np.random.Generator) -> list[Part]:
 
 
 def c_table(rng: np.random.Generator) -> list[Part]:
-    """A side table open at one end: foot, one upright panel or two posts, top."""
+    """Build a side table open at one end: foot, one upright panel or two posts, top."""
     width, depth = between(rng, 0.4, 0.7), between(rng, 0.28, 0.45)
     height, thick = between(rng, 0.5, 0.7), between(rng, 0.015, 0.03)
     parts = [box((width, thick, depth), (0, height - thick / 2, 0), "top")]

@@ -15,7 +15,7 @@ def _square(width: float, depth: float) -> np.ndarray:
 
 
 def column(rng: np.random.Generator, head: float, foot: float, center: tuple[float, float]) -> list[Part]:
-    """One column with its foot, floor to `head`; `foot` is the foot's radius, `center` (x, z)."""
+    """Build one column with its foot, floor to `head`; `foot` is the foot's radius, `center` (x, z)."""
     x, z = center
     radius = between(rng, 0.025, 0.06) * (0.6 + foot)
     kind = pick(rng, ("disc", "turned", "cone", "star", "square", "flare"))
@@ -70,7 +70,7 @@ def column(rng: np.random.Generator, head: float, foot: float, center: tuple[flo
 
 
 def pedestal_table(rng: np.random.Generator) -> list[Part]:
-    """One column under a round, square or oval top: bistro, tulip and dining tables of any height."""
+    """Build one column under a round, square or oval top: bistro, tulip and dining tables of any height."""
     size = between(rng, 0.4, 1.5)
     height = pick(
         rng, (between(rng, 0.4, 0.6), between(rng, 0.68, 0.78), between(rng, 0.7, 0.76), between(rng, 0.95, 1.1))
@@ -86,7 +86,7 @@ def pedestal_table(rng: np.random.Generator) -> list[Part]:
 
 
 def double_pedestal_table(rng: np.random.Generator) -> list[Part]:
-    """Two equal columns under a long top."""
+    """Build two equal columns under a long top."""
     width = between(rng, 1.4, 2.6)
     depth, height, thick = width / between(rng, 1.7, 2.8), between(rng, 0.7, 0.78), between(rng, 0.02, 0.06)
     parts = tabletop(rng, width, depth, height, thick, any_top_shape(rng, 0.5))
@@ -99,7 +99,7 @@ def double_pedestal_table(rng: np.random.Generator) -> list[Part]:
 
 
 def tripod_table(rng: np.random.Generator) -> list[Part]:
-    """A small top on three slanted rods, which meet in the middle or cross, with a low ring or shelf at times."""
+    """Build a small top on three slanted rods, which meet in the middle or cross."""
     size, height, thick = between(rng, 0.35, 0.8), between(rng, 0.4, 0.75), between(rng, 0.012, 0.035)
     head, rod = height - thick, between(rng, 0.012, 0.022)
     foot, top = size / 2 * between(rng, 0.75, 1.1), size / 2 * between(rng, 0.1, 0.6)
@@ -119,7 +119,7 @@ def tripod_table(rng: np.random.Generator) -> list[Part]:
 
 
 def sculpted_table(rng: np.random.Generator) -> list[Part]:
-    """A thin (glass) top on a sculpted base: a bent ribbon, crossing blades, leaning loops, spheres or a vase."""
+    """Build a thin (glass) top on a sculpted base: ribbon, crossing blades, leaning loops, spheres, vase."""
     width = between(rng, 0.7, 1.8)
     depth = float(np.clip(width / between(rng, 1.0, 2.2), 0.55, 1.1))
     height, thick = pick(rng, (between(rng, 0.33, 0.48), between(rng, 0.7, 0.76))), between(rng, 0.008, 0.02)

@@ -22,7 +22,7 @@ from kpred.synthetic.table.tops import tabletop
 def _pedestal(
     rng: np.random.Generator, style: FrontStyle, left: float, right: float, head: float, depth: float, board: float
 ) -> list[Part]:
-    """A desk's drawer case from `left` to `right` (outer faces), on the floor or a plinth, its front at depth / 2."""
+    """Build a desk's drawer case from `left` to `right` (outer faces), its front at depth / 2."""
     lift = pick(rng, (0.0, 0.0, 0.05))
     middle, width = (left + right) / 2, right - left
     parts = [
@@ -61,7 +61,7 @@ def _knee_drawer(
 
 
 def pedestal_desk(rng: np.random.Generator) -> list[Part]:
-    """A desk with a drawer case at one or both sides, a panel or legs at the free side, often a modesty panel."""
+    """Build a desk with a drawer case at one or both sides, a panel or legs at the free side."""
     width, depth, height = between(rng, 1.0, 2.0), between(rng, 0.5, 0.95), between(rng, 0.7, 0.8)
     thick, board, style = between(rng, 0.02, 0.05), between(rng, 0.016, 0.03), any_front_style(rng)
     over = pick(rng, (0.0, 0.015, 0.04))
@@ -92,7 +92,7 @@ def pedestal_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def writing_desk(rng: np.random.Generator) -> list[Part]:
-    """A desk on legs with a row of drawers under its top, and a low gallery on top at times."""
+    """Build a desk on legs with a row of drawers under its top, sometimes a low gallery on top."""
     width, depth, height = between(rng, 0.8, 1.7), between(rng, 0.45, 0.8), between(rng, 0.7, 0.8)
     thick, style = between(rng, 0.018, 0.04), any_front_style(rng)
     legs = any_leg_style(rng, height, ("square", "tapered", "turned", "cabriole", "round_tapered", "angle"))
@@ -133,7 +133,7 @@ def writing_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def hutch_desk(rng: np.random.Generator) -> list[Part]:
-    """Any of the plain desks with shelves or pigeon holes on the back of its top."""
+    """Build any of the plain desks with shelves or pigeon holes on the back of its top."""
     width, depth, height, board = (
         between(rng, 0.9, 1.6),
         between(rng, 0.5, 0.75),
@@ -170,7 +170,7 @@ def hutch_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def l_desk(rng: np.random.Generator) -> list[Part]:
-    """A desk with a return at one side; its knee space opens to the inner corner."""
+    """Build a desk with a return at one side; its knee space opens to the inner corner."""
     width = between(rng, 1.3, 2.2)
     length = width * between(rng, 0.65, 1.0)
     depth, arm = between(rng, 0.55, 0.8), between(rng, 0.42, 0.65)
@@ -222,7 +222,7 @@ def l_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def panel_desk(rng: np.random.Generator) -> list[Part]:
-    """Panel ends, a back panel, and one of: nothing, a keyboard tray, a shelf, a raised monitor board."""
+    """Build panel ends, a back panel, and one of: nothing, a keyboard tray, a shelf, a raised monitor board."""
     width, depth, height = between(rng, 0.8, 1.8), between(rng, 0.45, 0.8), between(rng, 0.7, 0.78)
     board = between(rng, 0.016, 0.035)
     head, inset = height - board, pick(rng, (0.0, 0.02, 0.1))
@@ -251,7 +251,7 @@ def panel_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def open_bay_desk(rng: np.random.Generator) -> list[Part]:
-    """A top on a shelf case at one side (bays open to +z) and legs or trestles at the other."""
+    """Build a top on a shelf case at one side (bays open to +z) and legs or trestles at the other."""
     width, depth, height, thick = (
         between(rng, 1.1, 1.8),
         between(rng, 0.5, 0.75),

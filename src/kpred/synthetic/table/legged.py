@@ -12,14 +12,14 @@ from kpred.synthetic.table.tops import any_top_shape, leg_reach, tabletop
 
 
 def long_side_front(parts: list[Part]) -> list[Part]:
-    """The parts, turned by a quarter about y if the whole is deeper (z) than wide (x)."""
+    """Rotate the parts by a quarter turn about y if the whole is deeper (z) than wide (x)."""
     points = np.concatenate([part.vertices for part in parts])
     extent = points.max(axis=0) - points.min(axis=0)
     return [part.rotated("y", 90.0) for part in parts] if extent[2] > extent[0] else parts
 
 
 def dining_table(rng: np.random.Generator) -> list[Part]:
-    """Four legs of any kind under any top, with or without apron and stretchers."""
+    """Build four legs of any kind under any top, with or without apron and stretchers."""
     width = between(rng, 0.9, 2.4)
     depth = float(np.clip(width / between(rng, 1.0, 2.7), 0.65, 1.2))
     height, thick = between(rng, 0.68, 0.8), between(rng, 0.015, 0.07)
@@ -42,7 +42,7 @@ def dining_table(rng: np.random.Generator) -> list[Part]:
 
 
 def round_table(rng: np.random.Generator) -> list[Part]:
-    """A round or octagonal top on three or four legs at any height."""
+    """Build a round or octagonal top on three or four legs at any height."""
     size = between(rng, 0.4, 1.5)
     height = between(rng, 0.35, 0.6) if size < 0.9 and happens(rng, 0.6) else between(rng, 0.65, 0.78)
     thick = between(rng, 0.015, 0.05)
@@ -66,7 +66,7 @@ def round_table(rng: np.random.Generator) -> list[Part]:
 
 
 def coffee_table(rng: np.random.Generator) -> list[Part]:
-    """A low table, with a lower shelf or drawers in many cases."""
+    """Build a low table, with a lower shelf or drawers in many cases."""
     width = between(rng, 0.7, 1.4)
     depth = float(np.clip(width / between(rng, 1.0, 2.4), 0.42, 0.95))
     height, thick = between(rng, 0.3, 0.52), between(rng, 0.012, 0.08)
@@ -95,7 +95,7 @@ def coffee_table(rng: np.random.Generator) -> list[Part]:
 
 
 def console_table(rng: np.random.Generator) -> list[Part]:
-    """A narrow, high table for a hall, with drawers or shelves."""
+    """Build a narrow, high table for a hall, with drawers or shelves."""
     width, depth = between(rng, 0.75, 1.6), between(rng, 0.28, 0.48)
     height, thick = between(rng, 0.72, 0.95), between(rng, 0.015, 0.045)
     style = any_leg_style(rng, height, ("square", "tapered", "turned", "round", "cabriole", "angle", "tube"))
@@ -125,7 +125,7 @@ def console_table(rng: np.random.Generator) -> list[Part]:
 
 
 def bar_table(rng: np.random.Generator) -> list[Part]:
-    """A high table with foot rests between its legs."""
+    """Build a high table with foot rests between its legs."""
     width = between(rng, 0.5, 1.8)
     depth = float(np.clip(width / between(rng, 1.0, 3.0), 0.45, 0.8))
     height, thick = between(rng, 0.88, 1.1), between(rng, 0.02, 0.06)
@@ -141,7 +141,7 @@ def bar_table(rng: np.random.Generator) -> list[Part]:
 
 
 def frame_table(rng: np.random.Generator) -> list[Part]:
-    """A frame of equal square bars along all edges of a box, with a panel on top and often one below."""
+    """Build a frame of equal square bars along all edges of a box, with a panel on top."""
     width = between(rng, 0.4, 1.6)
     depth = float(np.clip(width / between(rng, 1.0, 3.0), 0.35, 0.9))
     height, bar = between(rng, 0.35, 0.85), between(rng, 0.02, 0.05)
@@ -162,7 +162,7 @@ def frame_table(rng: np.random.Generator) -> list[Part]:
 
 
 def nesting_tables(rng: np.random.Generator) -> list[Part]:
-    """Two or three tables of falling size, the small ones drawn out to the side or to the front."""
+    """Build two or three tables of falling size, the small ones drawn out to the side or to the front."""
     count = whole(rng, 2, 3)
     width, depth = between(rng, 0.5, 0.8), between(rng, 0.35, 0.5)
     height, thick = between(rng, 0.45, 0.6), between(rng, 0.015, 0.03)
@@ -186,7 +186,7 @@ def nesting_tables(rng: np.random.Generator) -> list[Part]:
 
 
 def picnic_table(rng: np.random.Generator) -> list[Part]:
-    """A plank top and two benches on A-frames of slanted legs."""
+    """Build a plank top and two benches on A-frames of slanted legs."""
     width, depth = between(rng, 1.6, 2.5), between(rng, 0.6, 0.78)
     height, seat = between(rng, 0.7, 0.78), between(rng, 0.42, 0.47)
     thick, reach = between(rng, 0.03, 0.045), between(rng, 0.5, 0.62)
@@ -206,7 +206,7 @@ def picnic_table(rng: np.random.Generator) -> list[Part]:
 
 
 def drop_leaf_table(rng: np.random.Generator) -> list[Part]:
-    """A narrow middle top with flaps at its ends, hanging or one of them raised."""
+    """Build a narrow middle top with flaps at its ends, hanging or one of them raised."""
     width, depth = between(rng, 0.4, 0.9), between(rng, 0.65, 0.95)
     height, thick = between(rng, 0.7, 0.78), between(rng, 0.018, 0.03)
     style = any_leg_style(rng, height, ("square", "tapered", "turned", "round_tapered"))
@@ -238,7 +238,7 @@ def drop_leaf_table(rng: np.random.Generator) -> list[Part]:
 
 
 def drawer_side_table(rng: np.random.Generator) -> list[Part]:
-    """A bedside table: a box with a drawer or an open bay, on four legs, often with a shelf below."""
+    """Build a bedside table: a box with a drawer or an open bay, on four legs, often with a shelf below."""
     width = between(rng, 0.35, 0.68)
     depth = width / between(rng, 1.0, 1.5)
     height, thick = between(rng, 0.45, 0.75), between(rng, 0.015, 0.03)
@@ -265,7 +265,7 @@ def drawer_side_table(rng: np.random.Generator) -> list[Part]:
 
 
 def workbench(rng: np.random.Generator) -> list[Part]:
-    """A heavy table with thick legs, beams, a lower shelf, and often a vice, a drawer or a tool board."""
+    """Build a heavy table with thick legs, beams, a lower shelf, and often a vice, a drawer or a tool board."""
     width, depth = between(rng, 1.1, 2.2), between(rng, 0.55, 0.8)
     height, thick, post = between(rng, 0.78, 0.95), between(rng, 0.05, 0.1), between(rng, 0.07, 0.11)
     style = LegStyle("square", post, 1.0, 0.0, 1.0)

@@ -29,7 +29,7 @@ class LegStyle:
 
 
 def any_leg_style(rng: np.random.Generator, height: float, kinds: Sequence[str] = LEG_KINDS) -> LegStyle:
-    """A leg style with proportions that fit a table of this height (metres)."""
+    """Draw a leg style with proportions for a table of this height (metres)."""
     kind = pick(rng, kinds)
     thick = between(rng, 0.035, 0.09) * (0.65 + 0.5 * height)
     if kind in ("hairpin", "tube"):
@@ -83,7 +83,7 @@ def _bent(style: LegStyle, x: float, z: float, out: np.ndarray, head: float) -> 
 
 
 def leg(style: LegStyle, x: float, z: float, head: float, out: tuple[float, float]) -> list[Part]:
-    """One leg from its head at (x, head, z) to the floor; `out` (x, z) is the direction in which it splays."""
+    """Build one leg from its head at (x, head, z) to the floor, splayed towards `out` (x, z)."""
     thick = style.thickness
     away = np.asarray(out, dtype=np.float64)
     foot = (x + away[0] * style.splay, 0.0, z + away[1] * style.splay)
@@ -119,12 +119,12 @@ def leg(style: LegStyle, x: float, z: float, head: float, out: tuple[float, floa
 
 
 def corners(width: float, depth: float) -> list[tuple[float, float]]:
-    """The corners (x, z) of a rectangle round the origin."""
+    """Return the corners (x, z) of a rectangle round the origin."""
     return [(sx * width / 2, sz * depth / 2) for sx in (-1, 1) for sz in (-1, 1)]
 
 
 def leg_set(style: LegStyle, spots: Sequence[tuple[float, float]], head: float) -> list[Part]:
-    """Legs at the given spots (x, z), each splayed away from the table's middle axis."""
+    """Build legs at the given spots (x, z), each splayed away from the table's middle axis."""
     parts: list[Part] = []
     for x, z in spots:
         out = np.array([x, z]) / (np.hypot(x, z) + 1e-9)
@@ -135,7 +135,7 @@ def leg_set(style: LegStyle, spots: Sequence[tuple[float, float]], head: float) 
 
 
 def rails(width: float, depth: float, middle: float, tall: float, thick: float, label: str = "apron") -> list[Part]:
-    """Four boards along a rectangle (measured between the boards' middles), `tall` high round the height `middle`."""
+    """Build four boards, `tall` high about `middle`, along a rectangle between the boards' middles."""
     parts = [box((width + thick, tall, thick), (0, middle, side * depth / 2), label) for side in (-1, 1)]
     return parts + [
         box((thick, tall, max(depth - thick, 0.01)), (side * width / 2, middle, 0), label) for side in (-1, 1)
@@ -143,7 +143,7 @@ def rails(width: float, depth: float, middle: float, tall: float, thick: float, 
 
 
 def stretchers(rng: np.random.Generator, width: float, depth: float, height: float, thick: float) -> list[Part]:
-    """Bars between legs that stand at the corners of a rectangle: box, H, or crossed."""
+    """Build bars between legs that stand at the corners of a rectangle: box, H, or crossed."""
     form = pick(rng, ("box", "h", "cross", "ends"))
     if form == "box":
         return rails(width, depth, height, thick, thick, "stretcher")
@@ -174,7 +174,7 @@ def four_legs(
     stretched: bool = False,
     shelf: float | None = None,
 ) -> list[Part]:
-    """Legs at a rectangle's corners with what joins them.
+    """Build legs at a rectangle's corners, and the parts that connect them.
 
     `width` and `depth` are outer measures at the legs' heads, `head` the height at which the top rests, `apron` the
     height of the boards below the top (0: none), `shelf` the height of a lower shelf (None: none).
@@ -195,7 +195,7 @@ def four_legs(
 
 
 def _drift(style: LegStyle, fall: float) -> float:
-    """How far, along x and along z, a leg's body lies outside its head at the fraction `fall` of its height."""
+    """Return the offset (x, z) of a leg's body from its head at the fraction `fall` of its height."""
     if style.kind == "angle":
         return 0.3 * style.thickness  # boards at the outer corner: what joins them must reach out to them
     part = fall**2 if style.kind == "sabre" else fall

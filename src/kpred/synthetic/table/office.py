@@ -12,7 +12,7 @@ from kpred.synthetic.table.tops import superellipse, tabletop
 
 
 def t_leg_desk(rng: np.random.Generator) -> list[Part]:
-    """An office desk: a T- or C-shaped foot with a column at each end, a beam, a modesty panel or a screen."""
+    """Build an office desk: a T- or C-shaped foot with a column at each end, and a beam."""
     width, depth, height, thick = between(rng, 1.1, 2.0), between(rng, 0.6, 0.9), between(rng, 0.66, 1.1), 0.025
     head, x = height - thick, width / 2 * between(rng, 0.72, 0.92)
     wide, deep, z = between(rng, 0.05, 0.09), between(rng, 0.06, 0.12), pick(rng, (0.0, -0.15)) * depth
@@ -37,7 +37,7 @@ def t_leg_desk(rng: np.random.Generator) -> list[Part]:
 
 
 def conference_table(rng: np.random.Generator) -> list[Part]:
-    """A huge flat top on slab, column or box bases."""
+    """Build a huge flat top on slab, column or box bases."""
     width = between(rng, 2.2, 4.2)
     depth, height, thick = width / between(rng, 2.0, 3.2), between(rng, 0.72, 0.78), between(rng, 0.025, 0.07)
     shape = pick(rng, ("boat", "racetrack", "rectangle", "rounded", "superellipse", "octagon"))
@@ -60,7 +60,7 @@ def conference_table(rng: np.random.Generator) -> list[Part]:
 
 
 def ping_pong_table(rng: np.random.Generator) -> list[Part]:
-    """A table-tennis table (net, thin top) or a billiard table (deep case, heavy legs)."""
+    """Build a table-tennis table (net, thin top) or a billiard table (deep case, heavy legs)."""
     if happens(rng, 0.4):
         width, depth, height = between(rng, 2.0, 2.8), between(rng, 1.1, 1.5), between(rng, 0.78, 0.86)
         deep, rim = between(rng, 0.14, 0.24), between(rng, 0.09, 0.14)
@@ -85,7 +85,7 @@ def ping_pong_table(rng: np.random.Generator) -> list[Part]:
 
 
 def drafting_table(rng: np.random.Generator) -> list[Part]:
-    """A board tilted towards the sitter on A-shaped or straight ends."""
+    """Build a board tilted towards the sitter on A-shaped or straight ends."""
     width, depth, height, thick = between(rng, 0.8, 1.5), between(rng, 0.6, 0.9), between(rng, 0.75, 0.95), 0.025
     tilt = between(rng, 5, 30)
     low = height - depth / 2 * np.sin(np.radians(tilt))
@@ -110,7 +110,7 @@ def drafting_table(rng: np.random.Generator) -> list[Part]:
 
 
 def counter_desk(rng: np.random.Generator) -> list[Part]:
-    """A reception desk: a bowed panel at the back carries a bowed top; the sitter's side (+z) is open."""
+    """Build a reception desk: a bowed panel at the back carries a bowed top; the sitter's side (+z) is open."""
     width, height, thick = between(rng, 1.3, 2.2), between(rng, 0.72, 1.05), between(rng, 0.02, 0.05)
     depth, head = width * between(rng, 0.3, 0.42), height - thick
     rim = superellipse(width, 2 * depth, between(rng, 2.0, 3.5), 40)[[*range(20, 40), 0]]

@@ -12,7 +12,7 @@ CURVED = ("oval", "boat", "superellipse", "racetrack")
 
 
 def cut_corners(width: float, depth: float, cut: float) -> np.ndarray:
-    """Outline (8, 2) in xz of a rectangle whose corners are cut at 45 degrees, `cut` metres from each corner."""
+    """Return the outline (8, 2) in xz of a rectangle with corners cut at 45 degrees, `cut` metres each."""
     x, z = width / 2, depth / 2
     return np.array(
         [
@@ -29,14 +29,14 @@ def cut_corners(width: float, depth: float, cut: float) -> np.ndarray:
 
 
 def boat(width: float, depth: float, ends: float, segments: int = 8) -> np.ndarray:
-    """Outline in xz with straight ends `ends` * depth wide and bowed long sides, as conference tables have."""
+    """Return the outline in xz with straight ends `ends` * depth wide and bowed long sides."""
     x = np.linspace(width / 2, -width / 2, segments + 1)
     z = depth / 2 * (ends + (1 - ends) * (1 - (2 * x / width) ** 2))
     return np.concatenate([np.stack([x, z], axis=1), np.stack([x[::-1], -z[::-1]], axis=1)])
 
 
 def superellipse(width: float, depth: float, power: float, segments: int = 32) -> np.ndarray:
-    """Outline in xz of |x/a|^p + |z/b|^p = 1: between an ellipse (p=2) and a rectangle."""
+    """Return the outline in xz of |x/a|^p + |z/b|^p = 1: between ellipse (p=2) and rectangle."""
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
     cos, sin = np.cos(angle), np.sin(angle)
     radius = (np.abs(cos) ** power + np.abs(sin) ** power) ** (-1 / power)
@@ -52,7 +52,7 @@ def tabletop(
     shape: str,
     label: str = "top",
 ) -> list[Part]:
-    """A tabletop of one of the `RECTANGULAR` or `CURVED` shapes whose upper face lies at `height`."""
+    """Build a tabletop of one of the `RECTANGULAR` or `CURVED` shapes whose upper face lies at `height`."""
     bottom = height - thickness
     middle = height - thickness / 2
     if shape == "bevelled":
@@ -102,12 +102,12 @@ def tabletop(
 
 
 def any_top_shape(rng: np.random.Generator, curved: float = 0.2) -> str:
-    """A shape for `tabletop`; one with curved sides with the probability `curved`."""
+    """Draw a shape for `tabletop`; one with curved sides with the probability `curved`."""
     if happens(rng, curved):
         return pick(rng, CURVED)
     return pick(rng, RECTANGULAR, (5, 1, 1, 1, 2, 1))
 
 
 def leg_reach(shape: str) -> float:
-    """How far out legs may stand under a top of this shape, as a fraction of its half extents."""
+    """Return the maximum distance of legs under a top of this shape, as a fraction of its half extents."""
     return {"oval": 0.64, "boat": 0.66, "superellipse": 0.74, "racetrack": 0.7, "octagon": 0.82}.get(shape, 1.0)
