@@ -80,6 +80,12 @@ def test_without_faults_a_crop_is_its_object(crops: RoomCrops, generator: torch.
     assert nearest.max() == pytest.approx(0.0, abs=1e-3)
 
 
+def test_every_point_is_drawn_once_where_there_are_enough(crops: RoomCrops, generator: torch.Generator) -> None:
+    rows = (crops.own_count >= 150).nonzero()[:, 0]
+    for cloud in segmented(crops, rows, 64, generator):
+        assert len(torch.unique(cloud, dim=0)) > 60
+
+
 def test_faults_add_up_to_15_percent_and_remove_pieces(crops: RoomCrops, generator: torch.Generator) -> None:
     rows = torch.arange(len(crops.own)).repeat(8)
     clouds = segmented(crops, rows, 256, generator)

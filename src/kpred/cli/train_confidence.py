@@ -30,6 +30,7 @@ class ConfidenceCommand(Command):
     examples:
       kpred train confidence chair.npz table.npz other.npz --model runs/mine/model --database mine.kpred
       kpred train confidence packs/ --model runs/mine/model --split val --limit 300 --samples samples.json
+      kpred train confidence packs/ --model runs/mine/model --room-packs rooms.npz --crops 600
     """
 
     packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
@@ -44,6 +45,10 @@ class ConfidenceCommand(Command):
     """At most so many scans a pack, drawn at random by the seed; 0: all of them"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
+    room_packs: Annotated[tuple[Path, ...], arg(metavar="ROOMS [ROOMS ...]")] = ()
+    """Room packs (`kpred data rooms --splits val`), whose crops are fitted too"""
+    crops: Annotated[int, arg(metavar="N")] = 400
+    """So many crops of the rooms, three of ten of other things"""
     samples: Annotated[Path | None, arg(metavar="FILE")] = None
     """Keep evidence and outcome of each scan in this JSON file; if it is there, they are taken from it"""
     seed: Annotated[int, arg(metavar="SEED")] = 33
@@ -66,6 +71,8 @@ class ConfidenceCommand(Command):
         model, remarks = load_model(self.model), list[str]()
         samples = self._samples(model, remarks)
         facts = {"packs": sources_of(self.packs), "split": self.split, "limit": self.limit or None, "seed": self.seed}
+        if self.room_packs:
+            facts |= {"rooms": sources_of(self.room_packs), "crops": self.crops}
         calibration, held_out = calibrate(samples, facts | {"top_k": self.top_k})
         file = save_calibration(calibration, self.model)
         right = sum(sample.right for sample in samples)
@@ -88,7 +95,9 @@ class ConfidenceCommand(Command):
         from kpred.evaluation.metrics.summary import write_report
         from kpred.evaluation.scans.calibration import CalibrationSample, collect_samples
         from kpred.evaluation.scans.outcomes import Fitting
+        from kpred.evaluation.scans.room_crops import collect_crop_samples
         from kpred.fitting.defaults import resolve_database
+        from kpred.synthetic.rooms.pack import RoomPack
 
         if self.samples is not None and self.samples.is_file():
             try:
@@ -108,6 +117,9 @@ class ConfidenceCommand(Command):
                 progress=bar.update,
                 report=remarks.append,
             )
+            rooms = [RoomPack.load(path) for path in self.room_packs]
+            if rooms:
+                found += collect_crop_samples(rooms, how, limit=self.crops, progress=bar.update, report=remarks.append)
         if self.samples is not None:
             write_report(self.samples, {"samples": [sample.to_json() for sample in found]})
         return found

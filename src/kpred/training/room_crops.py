@@ -37,8 +37,9 @@ class RoomCrops:
     Attributes:
         categories: names; `category` (C,) is an index into them, or their number for other things.
         period: (C,) as in `kpred.training.recognition_data.RecognitionData`; 0 for other things.
-        own: (C, OWN_POINTS, 3) points of the object, in random order, half precision.
-        near: (C, NEAR_POINTS, 3) points of what is around it; has_near (C,): whether there are any.
+        own: (C, OWN_POINTS, 3) points of the object, in random order, half precision; own_count (C,): how many of them,
+            the first ones, are no repeats.
+        near: (C, NEAR_POINTS, 3) points of what is around it; near_count (C,): how many of them are no repeats.
         surface: (C, SURFACE_POINTS, 3) points of the whole surface, half precision; seen: whether the scanner saw them.
         grid: (C, GRID, GRID, GRID) bool: whether surface at a node would have been seen.
     """
@@ -47,8 +48,9 @@ class RoomCrops:
     category: Int[Tensor, " crops"]
     period: Float[Tensor, " crops"]
     own: Float[Tensor, "crops own 3"]
+    own_count: Int[Tensor, " crops"]
     near: Float[Tensor, "crops near 3"]
-    has_near: Bool[Tensor, " crops"]
+    near_count: Int[Tensor, " crops"]
     surface: Float[Tensor, "crops surface 3"]
     seen: Bool[Tensor, "crops surface"]
     grid: Bool[Tensor, "crops x y z"]
@@ -93,7 +95,7 @@ def prepare_crops(
     found = {names[kind] for kind, *_ in columns if kind < len(names)}
     if missing := sorted(set(names) - found):
         raise PackError(f"The room packs hold no crop of {', '.join(missing)}; give packs with more rooms.")
-    kind, own, near, has_near, surface, seen, grid = zip(*columns, strict=True)
+    kind, own, own_count, near, near_count, surface, seen, grid = zip(*columns, strict=True)
     kinds = torch.tensor(kind, device=device)
     surfaces = torch.from_numpy(np.stack(surface)).to(device)
     periods = [yaw_periods(*part.float().chunk(2, dim=1)) for part in surfaces.split(AT_ONCE)]
@@ -102,8 +104,9 @@ def prepare_crops(
         kinds,
         torch.where(kinds < len(names), torch.cat(periods), 0.0),
         torch.from_numpy(np.stack(own)).to(device),
+        torch.tensor(own_count, device=device),
         torch.from_numpy(np.stack(near)).to(device),
-        torch.tensor(has_near, device=device),
+        torch.tensor(near_count, device=device),
         surfaces,
         torch.from_numpy(np.stack(seen)).to(device),
         torch.from_numpy(np.stack(grid)).to(device),
@@ -136,7 +139,8 @@ def _crops_of_room(
         near = _resized(around, NEAR_POINTS, rng) if len(around) else np.zeros((NEAR_POINTS, 3), np.float32)
         kind = names.index(category) if category in names else len(names)
         own = canonical(_resized(mine, OWN_POINTS, rng))
-        found.append((kind, own, canonical(near), len(around) > 0, surface, seen, grid))
+        own_count, near_count = min(len(mine), OWN_POINTS), min(len(around), NEAR_POINTS)
+        found.append((kind, own, own_count, canonical(near), near_count, surface, seen, grid))
     return found
 
 
@@ -157,19 +161,29 @@ def segmented(
     batch = len(rows)
     own, near = crops.own[rows].float(), crops.near[rows].float()
     cut, kind, has_piece, share = torch.rand(4, batch, 1, **options)
+    real, near_real = (
+        torch.arange(points.shape[1], device=own.device)[None] < number[rows][:, None]
+        for points, number in ((own, crops.own_count), (near, crops.near_count))
+    )
+    row = torch.arange(batch, device=own.device)
     height = (own * random_directions(batch, generator, own.device)[:, None]).sum(2)
     pivot = torch.randint(0, own.shape[1], (batch,), **options)
-    nearness = -(own - own[torch.arange(batch, device=own.device), pivot][:, None]).norm(dim=2)
-    order = torch.where(kind < 0.5, height, nearness).argsort(dim=1).argsort(dim=1)
-    missing = torch.where(cut < 0.5, 0.9 * cut * strength, 0.0) * own.shape[1]
-    # The points that count highest are missing.
-    keep = order < own.shape[1] - missing
+    nearness = -(own - own[row, pivot][:, None]).norm(dim=2)
+    order = _ranks(torch.where(kind < 0.5, height, nearness).masked_fill(~real, -torch.inf))
+    missing = torch.where(cut < 0.5, 0.9 * cut * strength, 0.0) * crops.own_count[rows][:, None]
+    # The points that rank highest are missing; repeats rank lowest.
+    keep = (order < own.shape[1] - missing) & real
     anchor = torch.randint(0, near.shape[1], (batch,), **options)
-    away = (near - near[torch.arange(batch, device=own.device), anchor][:, None]).norm(dim=2)
+    away = (near - near[row, anchor][:, None]).norm(dim=2).masked_fill(~near_real, torch.inf)
     allowed = torch.where(has_piece < 0.75, 0.15 * share * strength, 0.0) * keep.sum(1, keepdim=True)
-    piece = (away.argsort(dim=1).argsort(dim=1) < allowed) & crops.has_near[rows][:, None]
+    piece = (_ranks(away) < allowed) & near_real
     cloud, valid = torch.cat([own, near], dim=1), torch.cat([keep, piece], dim=1)
     chance = torch.where(valid, torch.rand(valid.shape, **options), -1.0)
     chosen = chance.topk(min(count, chance.shape[1]), dim=1).indices
     slot = torch.arange(count, device=own.device)[None] % valid.sum(1, keepdim=True).clamp(1, chosen.shape[1])
     return torch.gather(cloud, 1, torch.gather(chosen, 1, slot)[..., None].expand(-1, -1, 3))
+
+
+def _ranks(values: Tensor) -> Tensor:
+    """Rank (0 for the least) of each value in its row."""
+    return values.argsort(dim=1).argsort(dim=1)
