@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kpred.ops import worksharing
-from kpred.ops.worksharing import parallel_for
+from kpred.ops.worksharing import MIN_STEPS, parallel_for
 
 
 @pytest.fixture(params=[1, 2, 5])
