@@ -303,8 +303,8 @@ def collect(job: Job, output: Path, paces: list[float]) -> None:
 
 def unpack_runs(files: list[Path], packs: list[Path], folder: Path) -> None:
     """Run folders of `kpred evaluate table ablation`, of what was trained on these packs."""
-    from kpred.evaluation.searched import content_hash
-    from kpred.evaluation.tables.measuring import SourcePack
+    from kpred.evaluation.database_source import content_hash
+    from kpred.evaluation.tables.packs import SourcePack
 
     sources = {content_hash(pack): SourcePack(pack, MeshPack.load(pack)) for pack in packs}
     for file in files:

@@ -9,6 +9,8 @@ from PIL import Image
 
 from kpred.database import Database
 from kpred.errors import ConfigError, DatabaseError, OutputError
+from kpred.evaluation.database_source import database_source
+from kpred.evaluation.metrics.metric import Metric
 from kpred.evaluation.plots.figure import check_figure, save_figure
 from kpred.evaluation.plots.grid import GridConfig, grid_figure
 from kpred.evaluation.plots.keypoints import chosen_entries, influence_figure, keypoints_figure
@@ -16,14 +18,13 @@ from kpred.evaluation.plots.occlusion import occlusion_figure
 from kpred.evaluation.plots.tokens import spread, token_distances, tokens_figure
 from kpred.evaluation.plots.tsne import joint_probabilities, tsne
 from kpred.evaluation.plots.views import blank, keypoint_colors, mesh_picture, with_lines, with_points
-from kpred.evaluation.searched import searched
 from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.nn import Model
 
 
 @pytest.fixture(scope="module")
 def database(packs: dict[str, Path], model: Model) -> Iterator[Database]:
-    with searched([packs["chair"]], model, None, 0, None, pytest.fail) as store:
+    with database_source([packs["chair"]], model, None, 0, None, pytest.fail) as store:
         yield store
 
 
@@ -31,8 +32,12 @@ def _partial(shift: float = 0.0) -> Table:
     table = Table({"seed": 0})
     rng = np.random.default_rng(0)
     for occlusion in (0.0, 0.5):
-        for model, method in (("", "no_learning"), ("m", "refined"), ("m", "refined_whole")):
-            series = Series(model, method, "partial", occlusion, "ucd", 10)
+        for model, method, surface in (
+            ("", "no_learning", "seen"),
+            ("m", "refined", "seen"),
+            ("m", "refined", "whole"),
+        ):
+            series = Series(model, method, "partial", occlusion, Metric("ucd", surface, top_k=10))
             for number in range(8):
                 category = "chair" if number % 2 else "table"
                 table.add(series, Subject("d", category, f"s{number}"), float(rng.random()) + shift + occlusion)
@@ -144,7 +149,7 @@ def test_curves_pass_through_the_means_of_their_tables() -> None:
     axes = {ax.get_title(): ax for ax in figure.axes}
     assert set(axes) == {"chair", "table", "all"}
     (line,) = axes["all"].get_lines()
-    series = [one for one in table.values if one.method == "refined"]
+    series = [one for one in table.values if (one.method, one.metric.surface) == ("refined", "seen")]
     wanted = [np.mean(list(table.values[one].values())) for one in series]
     np.testing.assert_allclose(line.get_xydata(), np.column_stack([[0, 50], wanted]))
     whole = occlusion_figure([table], ["refined"], whole=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from kpred.cli.command import Command
-from kpred.cli.output import Output, plain
+from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ class BenchCommand(Command):
 
     def run(self, output: Output) -> None:
         """Measure, print, write."""
-        import json
 
-        from kpred.atomic import atomic_path, check_place
+        from kpred.atomic import check_place
         from kpred.bench.figure import load, machine
         from kpred.cli.devices import limit_threads
         from kpred.cli.progress import ProgressBar
+        from kpred.json_output import write_json
 
         self._check()
         for file in (self.output, self.plot):
@@ -94,8 +94,7 @@ class BenchCommand(Command):
         if "device" in self.only:
             record["device"] = self._device(output)
         if self.output is not None:
-            with atomic_path(self.output) as temporary:
-                temporary.write_text(json.dumps(plain(record), indent=2) + "\n", encoding="utf-8")
+            write_json(self.output, record)
         if self.plot is not None and curve:
             from kpred.bench.plot import save_scaling_plot
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from kpred.cli.evaluate_cleanliness import print_cleanliness_of
-from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, PackTableCommand, errors_of, label, print_pivot, shown
+from kpred.cli.table_options import PackTableCommand
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.table import Series, Table
+    from kpred.cli.progress import ProgressBar
+    from kpred.evaluation.tables.packs import SourcePack
+    from kpred.evaluation.tables.table import Table
+    from kpred.training.ablations import AblationRuns
     from kpred.training.config import TrainConfig
 
 
@@ -68,7 +68,7 @@ class AblationCommand(PackTableCommand):
     """Train nothing: only rows that are trained to the end"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
+    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Shares hidden where CB is measured"""
     device: Annotated[str, arg(metavar="DEVICE")] = "auto"
     """Trains on: auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
@@ -77,52 +77,35 @@ class AblationCommand(PackTableCommand):
     threads: Annotated[int | None, arg(metavar="N")] = None
     """CPU threads; without it, as many as torch chooses"""
 
-    def run(self, output: Output) -> None:
-        """Train and measure with a progress bar, print and write."""
-        from kpred.cli.devices import found_device, limit_threads
-        from kpred.cli.progress import ProgressBar
-        from kpred.evaluation.tables.ablation_table import make_ablation_table
-        from kpred.evaluation.tables.make_table import TableConfig
-        from kpred.evaluation.tables.measuring import SourcePack
-        from kpred.nn.config import preset
-        from kpred.training.ablations import AblationRuns, recorded_training, rows_named
+    def check(self) -> None:
+        """Refuse what cannot work before any work is done."""
+        super().check()
+        given = (self.steps, self.deformation_steps, self.retrieval_steps, self.partial_steps)
+        if self.as_trained and any(steps is not None for steps in given):
+            raise UsageError("--as-trained takes the steps from the rows in --runs; leave out --steps and its kin.")
 
-        self.check()
-        self._check_settings()
-        rows = rows_named(self.rows)
-        training, device = self._training(), found_device(self.device)
+    def measure(self, bar: ProgressBar) -> Table:
+        """Train and measure what is missing."""
+        from kpred.cli.devices import found_device, limit_threads
+        from kpred.evaluation.tables.ablation_table import make_ablation_table
+        from kpred.evaluation.tables.config import TableConfig
+        from kpred.training.ablations import recorded_training, rows_named
+
+        rows, device = rows_named(self.rows), found_device(self.device)
         trained: dict[str, dict[str, Any]] = {}
         if self.threads is not None:
             limit_threads(self.threads)
         config = TableConfig("full", self.split, self.limit, self.seed, (self.top_k,), self.occlusions)
-        began = time.perf_counter()
+
+        def runs(source: SourcePack, folder: Path, data_hash: str) -> AblationRuns:
+            own, split = recorded_training(folder, rows) if self.as_trained else (self._training(), self.source_split)
+            trained[source.name] = own.to_dict()
+            return self._runs(source, own, folder, data_hash, device, split, bar)
+
         try:
-            with ProgressBar() as bar:
-
-                def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
-                    bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
-
-                def runs(source: SourcePack, folder: Path, data_hash: str) -> AblationRuns:
-                    model = preset(self.preset, source.pack.category)
-                    own, split = training, self.source_split
-                    if self.as_trained:
-                        own, split = recorded_training(folder, rows)
-                    trained[f"{source.dataset}/{source.pack.category}"] = own.to_dict()
-                    return AblationRuns(
-                        [source.pack],
-                        model,
-                        own,
-                        folder,
-                        data_hash,
-                        device,
-                        split,
-                        bar.update,
-                        report,
-                    )
-
-                table = make_ablation_table(
-                    self.packs, rows, self.runs, runs, config, only_finished=self.finished, progress=bar.update
-                )
+            table = make_ablation_table(
+                self.packs, rows, self.runs, runs, config, only_finished=self.finished, progress=bar.update
+            )
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(
                 f"{self.runs} keeps what was trained and measured; the same command goes on from it, and with "
@@ -130,33 +113,26 @@ class AblationCommand(PackTableCommand):
             ) from error
         first, *others = trained.values()
         table.header["training"] = trained if any(other != first for other in others) else first
-        self.finish(output, table, time.perf_counter() - began, self.show)
+        return table
 
-    def show(self, output: Output, table: Table) -> None:
-        """Return the paper's table, its figure, and what each part does."""
-        for dataset in table.datasets():
-            _print_full(output, table, dataset, self.top_k)
-            partial = [one for one in errors_of(table, dataset) if one.protocol == "partial"]
-            for category in table.categories(dataset) if partial else ():
-                print_pivot(
-                    output,
-                    table,
-                    dataset,
-                    f"{dataset}, {category}, partial shapes: best of {self.top_k}, {table.header['unit']}",
-                    ["distance", "CB", "method"],
-                    sorted(partial, key=lambda one: one.distance),
-                    lambda one: (SHORT[one.distance], "yes" if one.model == "with-cb" else "no", label(one)),
-                    lambda one: f"{one.occlusion:.0%} hidden",
-                    category,
-                )
-            print_cleanliness_of(output, table, dataset, table.categories(dataset)[-1:])
-        _print_effects(output, table)
-        output.note(NOTE)
+    def _runs(
+        self,
+        source: SourcePack,
+        training: TrainConfig,
+        folder: Path,
+        data_hash: str,
+        device: str,
+        split: str | None,
+        bar: ProgressBar,
+    ) -> AblationRuns:
+        from kpred.nn.config import preset
+        from kpred.training.ablations import AblationRuns
 
-    def _check_settings(self) -> None:
-        given = (self.steps, self.deformation_steps, self.retrieval_steps, self.partial_steps)
-        if self.as_trained and any(steps is not None for steps in given):
-            raise UsageError("--as-trained takes the steps from the rows in --runs; leave out --steps and its kin.")
+        def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+            bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+
+        model = preset(self.preset, source.pack.category)
+        return AblationRuns([source.pack], model, training, folder, data_hash, device, split, bar.update, report)
 
     def _training(self) -> TrainConfig:
         from kpred.training.config import PAPER, TrainConfig
@@ -172,55 +148,3 @@ class AblationCommand(PackTableCommand):
             stage = getattr(start, name)
             stages[name] = stage if steps is None else replace(stage, steps=steps)
         return replace(start, seed=self.training_seed, precision=self.precision, **stages)
-
-
-def _print_full(output: Output, table: Table, dataset: str, top_k: int) -> None:
-    from kpred.training.ablations import ROWS
-
-    series = [one for one in errors_of(table, dataset) if one.protocol == "full"]
-    if not series:
-        return
-    categories = table.categories(dataset)
-
-    def marks(one: Series) -> list[str]:
-        row = ROWS[one.model]
-        return ["yes" if part else "no" for part in (row.gsa, row.dar, row.lgf)]
-
-    output.table(
-        f"{dataset}, whole shapes: CD, best of {top_k}, {table.header['unit']}",
-        ["row", "GSA", "DAR", "LGF", "method", *categories],
-        [
-            [one.model, *marks(one), label(one), *(shown(table.cell(one, dataset, name)) for name in categories)]
-            for one in sorted(series, key=lambda one: one.method)
-        ],
-    )
-
-
-def _print_effects(output: Output, table: Table) -> None:
-    from kpred.evaluation.tables.ablation_table import effects
-
-    found = effects(table)
-    if not found:
-        return
-    output.table(
-        "what each part does: error with it / without it, 95 % paired bootstrap; Wilcoxon signed-rank test",
-        ["data", "part", "rows", "method", "distance", "hidden", "n", "ratio", "p"],
-        [
-            [
-                one.comparison.dataset,
-                one.part,
-                f"{one.without} -> {one.having}",
-                label(one.comparison.series),
-                SHORT[one.comparison.series.distance],
-                f"{one.comparison.series.occlusion:.0%}" if one.comparison.series.protocol == "partial" else "",
-                one.comparison.n,
-                _ratio(one.comparison.ratio, one.comparison.low, one.comparison.high),
-                one.comparison.p_value,
-            ]
-            for one in found
-        ],
-    )
-
-
-def _ratio(value: float, low: float | None, high: float | None) -> str:
-    return f"{value:.3f}" if low is None or high is None else f"{value:.3f} ({low:.3f}–{high:.3f})"

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
-from kpred.cli.table_options import SHORT, label
+from kpred.cli.table_options import print_pages, print_written
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,15 +40,16 @@ class CompareCommand(Command):
     def run(self, output: Output) -> None:
         """Compare, print and write."""
         from kpred.atomic import check_place
-        from kpred.evaluation.metrics.summary import finite, write_report
         from kpred.evaluation.tables.compare import compare, settings_changed
+        from kpred.evaluation.tables.pages import comparison_pages
         from kpred.evaluation.tables.table import read_table
+        from kpred.json_output import plain, write_json
 
         if self.output is not None:
             check_place(self.output)
         first, second = read_table(self.first), read_table(self.second)
         found = compare(first, second, self.a, self.b)
-        report = finite(
+        report = plain(
             {
                 "first": {"file": str(self.first), "model": self.a, "header": first.header},
                 "second": {"file": str(self.second), "model": self.b, "header": second.header},
@@ -57,7 +58,7 @@ class CompareCommand(Command):
             }
         )
         if self.output is not None:
-            write_report(self.output, report)
+            write_json(self.output, report)
         output.result(report)
         old, new = (header.get("versions", {}) for header in (first.header, second.header))
         changed = [name for name in old if name in new and old[name] != new[name]]
@@ -65,27 +66,5 @@ class CompareCommand(Command):
             output.note(f"note: {name} {old[name]} made the first table, {new[name]} the second")
         for line in settings_changed(first, second, self.a, self.b):
             output.note(f"note: the models differ in {line}")
-        for dataset in dict.fromkeys(one.dataset for one in found):
-            output.table(
-                f"{dataset}: B against A; ratio of means, 95 % paired bootstrap; Wilcoxon signed-rank test",
-                ["category", "method", "distance", "hidden", "top k", "n", "A", "B", "B / A", "B better", "p"],
-                [
-                    (
-                        one.category,
-                        label(one.series),
-                        SHORT.get(one.series.distance, one.series.distance),
-                        f"{one.series.occlusion:.0%}",
-                        "all" if one.series.top_k is None else str(one.series.top_k),
-                        one.n,
-                        one.first,
-                        one.second,
-                        f"{one.ratio:.3f}" + ("" if one.low is None else f" ({one.low:.3f}–{one.high:.3f})"),
-                        f"{one.better:.0%}",
-                        one.p_value,
-                    )
-                    for one in found
-                    if one.dataset == dataset and one.series.is_error
-                ],
-            )
-        if self.output is not None:
-            output.note(f"wrote {self.output}")
+        print_pages(output, comparison_pages(found))
+        print_written(output, [self.output])

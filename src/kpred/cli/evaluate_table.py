@@ -9,15 +9,11 @@ from tyro.conf import arg
 
 from kpred.cli.command import Group
 from kpred.cli.evaluate_ablation import AblationCommand
-from kpred.cli.evaluate_cleanliness import print_cleanliness_of
-from kpred.cli.evaluate_oracle import OracleCommand
 from kpred.cli.evaluate_scan2cad import Scan2CadCommand
-from kpred.cli.output import Output
-from kpred.cli.table_options import NOTE, SHORT, MeasuredCommand, errors_of, label, print_hint, print_pivot, shown
+from kpred.cli.table_options import MeasuredCommand
 
 if TYPE_CHECKING:
-    from kpred.evaluation.tables.make_table import TableConfig
-    from kpred.evaluation.tables.table import Table
+    from kpred.evaluation.tables.config import TableConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +39,8 @@ class FullCommand(MeasuredCommand):
     """Deform and compare all of the database as well (slow)"""
 
     def config(self) -> TableConfig:
-        """Return the plan."""
-        from kpred.evaluation.tables.make_table import TableConfig
+        """Return the settings of the table."""
+        from kpred.evaluation.tables.config import TableConfig
 
         return TableConfig(
             "full",
@@ -55,29 +51,6 @@ class FullCommand(MeasuredCommand):
             oracle=self.oracle,
             unknown_frame=self.unknown_frame,
         )
-
-    def show(self, output: Output, table: Table) -> None:
-        """Return categories side by side."""
-        for dataset in table.datasets():
-            categories = table.categories(dataset)
-            series = errors_of(table, dataset)
-            base = next((one for one in series if one.method == "no_learning"), None)
-            output.table(
-                f"{dataset}, whole shapes: CD, best of {self.top_k}, {table.header['unit']}, known frame unless told",
-                ["model", "method", *categories, "/ no learning"],
-                [
-                    [
-                        one.model,
-                        label(one),
-                        *(shown(table.cell(one, dataset, category)) for category in categories),
-                        "" if base is None else shown(table.ratio(one, base, dataset, categories[-1])),
-                    ]
-                    for one in series
-                ],
-            )
-            print_hint(output, table, dataset)
-            print_cleanliness_of(output, table, dataset, categories)
-        output.note(NOTE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,14 +66,14 @@ class PartialCommand(MeasuredCommand):
 
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
+    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Shares of the points that are hidden"""
     unknown_frame: Annotated[bool, arg(help_behavior_hint="")] = False
     """Fit every target too where its place, size and yaw must be found"""
 
     def config(self) -> TableConfig:
-        """Return the plan."""
-        from kpred.evaluation.tables.make_table import TableConfig
+        """Return the settings of the table."""
+        from kpred.evaluation.tables.config import TableConfig
 
         return TableConfig(
             "partial",
@@ -111,24 +84,6 @@ class PartialCommand(MeasuredCommand):
             self.occlusions,
             unknown_frame=self.unknown_frame,
         )
-
-    def show(self, output: Output, table: Table) -> None:
-        """Return occlusions side by side, a table for each category."""
-        for dataset in table.datasets():
-            for category in table.categories(dataset):
-                print_pivot(
-                    output,
-                    table,
-                    dataset,
-                    f"{dataset}, {category}, partial shapes: best of {self.top_k}, {table.header['unit']}",
-                    ["distance", "model", "method"],
-                    sorted(errors_of(table, dataset), key=lambda one: one.distance),
-                    lambda one: (SHORT.get(one.distance, one.distance), one.model, label(one)),
-                    lambda one: f"{one.occlusion:.0%} hidden",
-                    category,
-                )
-            print_cleanliness_of(output, table, dataset, table.categories(dataset)[-1:])
-        output.note(NOTE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,28 +101,37 @@ class TopKCommand(MeasuredCommand):
     """Deform and compare all of the database as well (slow)"""
 
     def config(self) -> TableConfig:
-        """Return the plan."""
-        from kpred.evaluation.tables.make_table import TableConfig
+        """Return the settings of the table."""
+        from kpred.evaluation.tables.config import TableConfig
 
         return TableConfig("topk", self.split, self.limit, self.seed, self.top_k, oracle=self.oracle)
 
-    def show(self, output: Output, table: Table) -> None:
-        """Return numbers of candidates side by side, a table for each category."""
-        for dataset in table.datasets():
-            for category in table.categories(dataset):
-                print_pivot(
-                    output,
-                    table,
-                    dataset,
-                    f"{dataset}, {category}, whole shapes: CD, {table.header['unit']}, best of the top k",
-                    ["model", "method"],
-                    errors_of(table, dataset),
-                    lambda one: (one.model, label(one).removeprefix("oracle ")),
-                    lambda one: "all" if one.top_k is None else f"top {one.top_k}",
-                    category,
-                )
-            print_cleanliness_of(output, table, dataset, table.categories(dataset)[-1:])
-        output.note(NOTE)
+
+@dataclass(frozen=True, kw_only=True)
+class OracleCommand(MeasuredCommand):
+    """How well retrieval ranks: all of the database is deformed and refined to every target.
+
+    The true best is the model of the lowest error after that. Printed: for which fraction of the targets it is in the
+    top k, Spearman's rank correlation with the refined error, and the best of the top k against the oracle; for the
+    order by tokens, by feed-forward error and by undeformed distance. Slow: choose a --limit.
+
+    examples:
+      kpred evaluate table oracle chair.npz table.npz cabinet.npz --limit 40 -o oracle.json
+      kpred evaluate table oracle chair.npz --limit 10 --occlusions 0.5
+    """
+
+    limit: Annotated[int | None, arg(metavar="N")] = 40
+    """At most so many targets a pack, drawn at random by the seed"""
+    top_k: Annotated[tuple[int, ...], arg(metavar="K [K ...]")] = (1, 5, 10, 25)
+    """Numbers of retrieved models"""
+    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = ()
+    """Judge shapes cut by a plane too, with these shares hidden"""
+
+    def config(self) -> TableConfig:
+        """Return the settings of the table."""
+        from kpred.evaluation.tables.config import TableConfig
+
+        return TableConfig("oracle", self.split, self.limit, self.seed, self.top_k, self.occlusions)
 
 
 TABLES = Group(

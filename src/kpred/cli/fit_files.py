@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from kpred._version import __version__
-from kpred.cli.output import Output, plain
+from kpred.cli.output import Output
 from kpred.errors import OutputError
 from kpred.fitting import Fit
+from kpred.json_output import json_text
 
 
 def check_output(
@@ -86,7 +87,7 @@ def write_files(
 
     mesh_file, record_file, picture_file = _files(path)
     record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
-    text = json.dumps(plain(record), indent=2, allow_nan=False) + "\n"
+    text = json_text(record)
     with TemporaryDirectory(prefix="kpred-") as folder:
         scratch = Path(folder) / "picture.png"
         writers: dict[Path, Callable[[Path], object]] = {

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, is_dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from kpred.json_output import json_text
 
 if TYPE_CHECKING:
     from rich.console import Console
-
 
 _FILE_WIDTH = 140
 """Columns of tables that go to a file or a pipe, where there is no terminal to ask."""
@@ -68,28 +65,8 @@ class Output:
     def result(self, value: Any) -> None:
         """Print the machine-readable result with ``--json``; do nothing without it."""
         if self.as_json:
-            json.dump(plain(value), sys.stdout, indent=2, allow_nan=False)
-            sys.stdout.write("\n")
+            sys.stdout.write(json_text(value))
             sys.stdout.flush()
-
-
-def plain(value: Any) -> Any:
-    """Convert `value` to JSON's own types: dataclasses, arrays and tensors, paths; NaN and infinity become null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    elif hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, str | int | bool):
-        return value
-    if isinstance(value, Path):
-        return str(value)
-    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
 def printable(text: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -114,14 +113,14 @@ class SceneCommand(Command):
     def _write(self, result: SceneFit) -> list[Path]:
         from kpred._version import __version__
         from kpred.atomic import write_together
-        from kpred.cli.output import plain
+        from kpred.json_output import json_text
         from kpred.rendering.scene_picture import save_scene_picture
 
         glb, record_file, annotation, lines, picture = self._files(result.scene.name)
         record = {"kpred": __version__, "scan": self.scene, "glb": glb, **result.to_json(glb.name)}
 
         def json_writer(content: Any) -> Callable[[Path], object]:
-            text = json.dumps(plain(content), indent=2, allow_nan=False) + "\n"
+            text = json_text(content)
             return lambda file: file.write_text(text, encoding="utf-8")
 
         if not result.fitted:

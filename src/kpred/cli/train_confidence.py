@@ -57,8 +57,9 @@ class ConfidenceCommand(Command):
     def run(self, output: Output) -> None:
         """Scan and fit with a progress bar, calibrate, write and print."""
         from kpred.atomic import check_place
-        from kpred.cli.evaluate_scans import print_reliability
+        from kpred.cli.table_options import print_pages
         from kpred.evaluation.scans.calibration import calibrate, sources_of
+        from kpred.evaluation.scans.scan_pages import reliability_page
         from kpred.nn import load_model
         from kpred.nn.calibration import save_calibration
 
@@ -79,7 +80,7 @@ class ConfidenceCommand(Command):
         output.result({"file": file, "calibration": calibration, "held_out": held_out, "remarks": remarks})
         for name, found in held_out.items():
             output.note(f"{name}, weights of one half on the other:")
-            print_reliability(output, found)
+            print_pages(output, [reliability_page(found)])
         weights = [
             *zip(calibration.features, calibration.weights, (*calibration.weights_without_odds, None), strict=True)
         ]
@@ -92,11 +93,11 @@ class ConfidenceCommand(Command):
         """Read the samples of the file, or draw new ones."""
         from kpred.cli.progress import ProgressBar
         from kpred.errors import PackError
-        from kpred.evaluation.metrics.summary import write_report
         from kpred.evaluation.scans.calibration import CalibrationSample, collect_samples
-        from kpred.evaluation.scans.outcomes import Fitting
+        from kpred.evaluation.scans.outcome import FitSettings
         from kpred.evaluation.scans.room_crops import collect_crop_samples
         from kpred.fitting.defaults import resolve_database
+        from kpred.json_output import write_json
         from kpred.synthetic.rooms.pack import RoomPack
 
         if self.samples is not None and self.samples.is_file():
@@ -107,11 +108,11 @@ class ConfidenceCommand(Command):
                 raise PackError(
                     f"{self.samples}: it holds no samples of `kpred train confidence`; remove it."
                 ) from error
-        how = Fitting(model, resolve_database(self.database), self.top_k, self.seed)
+        settings = FitSettings(model, resolve_database(self.database), self.top_k, self.seed)
         with ProgressBar() as bar:
             found = collect_samples(
                 self.packs,
-                how,
+                settings,
                 split=self.split,
                 limit=self.limit or None,
                 progress=bar.update,
@@ -119,7 +120,9 @@ class ConfidenceCommand(Command):
             )
             rooms = [RoomPack.load(path) for path in self.room_packs]
             if rooms:
-                found += collect_crop_samples(rooms, how, limit=self.crops, progress=bar.update, report=remarks.append)
+                found += collect_crop_samples(
+                    rooms, settings, limit=self.crops, progress=bar.update, report=remarks.append
+                )
         if self.samples is not None:
-            write_report(self.samples, {"samples": [sample.to_json() for sample in found]})
+            write_json(self.samples, {"samples": [sample.to_json() for sample in found]})
         return found

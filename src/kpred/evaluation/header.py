@@ -11,8 +11,8 @@ from kpred._version import __version__
 from kpred.nn import KPRed, Model
 
 
-def made_by(model: Model) -> dict[str, Any]:
-    """Name, fingerprints and settings of the weights, as plain values.
+def provenance(model: Model) -> dict[str, Any]:
+    """Return name, fingerprints and settings of the weights, as plain values.
 
     `fingerprints` are of what makes a database, `weights` of all parts, those for partial scans too.
     """

@@ -32,7 +32,8 @@ class Shape(NamedTuple):
     details: Mapping[str, str] = MappingProxyType({})
 
 
-def _warn(message: str) -> None:
+def warn(message: str) -> None:
+    """Report a sentence as a Python warning."""
     warnings.warn(message, stacklevel=3)
 
 
@@ -40,7 +41,7 @@ def open_shapes(
     path: str | os.PathLike[str],
     category: str | None = None,
     split: str | None = None,
-    report: Callable[[str], None] = _warn,
+    report: Callable[[str], None] = warn,
 ) -> Iterator[Shape]:
     """Yield the shapes of a mesh pack (.npz), a folder of packs or mesh files, or a manifest.
 

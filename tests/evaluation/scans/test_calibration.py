@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from kpred.errors import ConfigError, ModelError, PackError
+from kpred.evaluation.database_source import database_source
 from kpred.evaluation.scans.calibration import (
     MIN_WEIGHT,
     SIGNS,
@@ -18,8 +19,7 @@ from kpred.evaluation.scans.calibration import (
     probability,
     regression,
 )
-from kpred.evaluation.scans.outcomes import Fitting
-from kpred.evaluation.searched import searched
+from kpred.evaluation.scans.outcome import FitSettings
 from kpred.fitting.confidence import BUILT_IN, FEATURES, Evidence, confidence
 from kpred.nn import Model
 
@@ -117,16 +117,16 @@ def test_samples_survive_their_json(samples: list[CalibrationSample]) -> None:
 
 
 def test_samples_are_fits_of_every_shape(packs: dict[str, Path], model: Model) -> None:
-    with searched(list(packs.values()), model, None, 0, None, pytest.fail) as database:
-        how = Fitting(model, database, 2, 0)
+    with database_source(list(packs.values()), model, None, 0, None, pytest.fail) as database:
+        settings = FitSettings(model, database, 2, 0)
         seen: list[tuple[str, int, int]] = []
         told: list[str] = []
         found = collect_samples(
-            [packs["chair"]], how, limit=2, progress=lambda *step: seen.append(step), report=told.append
+            [packs["chair"]], settings, limit=2, progress=lambda *step: seen.append(step), report=told.append
         )
         assert len(found) + len(told) == 2
         assert seen == [("chair: scans", 1, 2), ("chair: scans", 2, 2)]
-        assert found == collect_samples([packs["chair"]], how, limit=2)
+        assert found == collect_samples([packs["chair"]], settings, limit=2)
         assert {one.category for one in found} <= {"chair"}
         with pytest.raises(PackError, match="'test'"):
-            collect_samples([packs["chair"]], how, split="test")
+            collect_samples([packs["chair"]], settings, split="test")

@@ -11,30 +11,31 @@ import trimesh
 
 from kpred.database import Database, Entry, build_database
 from kpred.errors import ConfigError, DatabaseError, PackError, ScanError
+from kpred.evaluation.database_source import database_source
 from kpred.evaluation.metrics.summary import Scope
-from kpred.evaluation.scans import outcomes as scan_outcomes
-from kpred.evaluation.scans.catalogue import CatalogueConfig, CatalogueReport, evaluate_catalogue
+from kpred.evaluation.scans import outcome as fit_outcome
+from kpred.evaluation.scans.catalogue import evaluate_catalogue
 from kpred.evaluation.scans.catalogue_outcomes import CatalogueOutcome, board_thickness, measure_catalogue_scan
 from kpred.evaluation.scans.catalogue_summaries import FIRST, summarise_catalogue
-from kpred.evaluation.scans.outcomes import Fitting
+from kpred.evaluation.scans.outcome import FitSettings
+from kpred.evaluation.scans.run import ScanConfig, ScanReport
 from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
-from kpred.evaluation.searched import searched
 from kpred.fitting import Fit, fit
 from kpred.nn import Model
 from kpred.shapes import MeshPack, open_shapes
 
-CONFIG = CatalogueConfig(limit=2, top_k=3, tiles=2)
+CONFIG = ScanConfig(limit=2, top_k=3, tiles=2)
 
 
 @pytest.fixture(scope="module")
-def how(packs: dict[str, Path], model: Model) -> Iterator[Fitting]:
-    with searched([packs["chair"]], model, None, 0, None, pytest.fail) as database:
-        yield Fitting(model, database, top_k=3, seed=0)
+def settings(packs: dict[str, Path], model: Model) -> Iterator[FitSettings]:
+    with database_source([packs["chair"]], model, None, 0, None, pytest.fail) as database:
+        yield FitSettings(model, database, top_k=3, seed=0)
 
 
 @pytest.fixture(scope="module")
-def entry(how: Fitting) -> Entry:
-    return how.database.entry(how.database.model_ids("chair")[0])
+def entry(settings: FitSettings) -> Entry:
+    return settings.database.entry(settings.database.model_ids("chair")[0])
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +44,13 @@ def target(entry: Entry) -> ScanTarget:
 
 
 @pytest.fixture(scope="module")
-def some(target: ScanTarget, how: Fitting) -> Fit:
+def some(target: ScanTarget, settings: FitSettings) -> Fit:
     """A fit of the right model."""
-    return fit(target.scan, how.model, how.database, "chair", up="y", model_id=target.model_id)
+    return fit(target.scan, settings.model, settings.database, "chair", up="y", model_id=target.model_id)
 
 
 @pytest.fixture(scope="module")
-def report(packs: dict[str, Path], model: Model) -> CatalogueReport:
+def report(packs: dict[str, Path], model: Model) -> ScanReport[CatalogueOutcome]:
     return evaluate_catalogue(list(packs.values()), model, None, CONFIG)
 
 
@@ -69,16 +70,16 @@ def _given(monkeypatch: pytest.MonkeyPatch, found: Fit) -> list[dict[str, Any]]:
         calls.append(options)
         return found
 
-    monkeypatch.setattr(scan_outcomes, "fit", given)
+    monkeypatch.setattr(fit_outcome, "fit", given)
     return calls
 
 
 def test_the_model_itself_has_no_error_and_lost_nothing(
-    entry: Entry, target: ScanTarget, how: Fitting, some: Fit, monkeypatch: pytest.MonkeyPatch
+    entry: Entry, target: ScanTarget, settings: FitSettings, some: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     true, shifted = _there(_unit(entry), entry, target), _there(_unit(entry) + [0, 0.5, 0], entry, target)
     calls = _given(monkeypatch, replace(some, mesh=true, retrieved_mesh=shifted, frame=target.frame))
-    outcome = measure_catalogue_scan(target, "chair", how)
+    outcome = measure_catalogue_scan(target, "chair", settings)
     assert calls == [{"up": "y", "category": "chair", "top_k": 3, "seed": 0}]
     assert outcome.distance == pytest.approx(0, abs=1e-6)
     assert outcome.undeformed_distance is not None and outcome.undeformed_distance > 0.01
@@ -88,20 +89,20 @@ def test_the_model_itself_has_no_error_and_lost_nothing(
     # A tenth of the longest side away, which is 2 in the unit box.
     moved = _there(_unit(entry) + [0, 0, 40], entry, target)
     _given(monkeypatch, replace(some, mesh=moved, retrieved_mesh=true, frame=target.frame))
-    outcome = measure_catalogue_scan(target, "chair", how)
+    outcome = measure_catalogue_scan(target, "chair", settings)
     assert outcome.distance == pytest.approx(20, rel=0.05)
     assert outcome.ratio is not None and outcome.ratio > 1e3
 
 
 def test_another_model_has_no_thickness_to_compare_and_its_rank_is_said(
-    entry: Entry, target: ScanTarget, how: Fitting, some: Fit, monkeypatch: pytest.MonkeyPatch
+    entry: Entry, target: ScanTarget, settings: FitSettings, some: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = replace(some.source, model_id="another")
     _given(monkeypatch, replace(some, source=other, candidates=(other, some.source)))
-    outcome = measure_catalogue_scan(target, "chair", how)
+    outcome = measure_catalogue_scan(target, "chair", settings)
     assert (outcome.model, outcome.rank, outcome.first, outcome.thickness) == ("another", 2, False, ())
     _given(monkeypatch, replace(some, source=other, candidates=(other,)))
-    assert measure_catalogue_scan(target, "chair", how).rank is None
+    assert measure_catalogue_scan(target, "chair", settings).rank is None
 
 
 def test_thickness_is_against_the_models_own(entry: Entry) -> None:
@@ -130,7 +131,9 @@ def test_more_views_see_more(entry: Entry) -> None:
     assert [len(one.scan) for one in seen] == [2048] * 3
 
 
-def test_every_scanned_model_is_reported(report: CatalogueReport, packs: dict[str, Path], model: Model) -> None:
+def test_every_scanned_model_is_reported(
+    report: ScanReport[CatalogueOutcome], packs: dict[str, Path], model: Model
+) -> None:
     source = {
         category: set(MeshPack.load(file).model_id[MeshPack.load(file).indices("source")].tolist())
         for category, file in packs.items()
@@ -152,9 +155,7 @@ def test_a_database_alone_is_its_own_catalogue(packs: dict[str, Path], model: Mo
     file = tmp_path / "mine.kpred"
     build_database(file, open_shapes(packs["table"], split="source"), model, seed=0)
     seen: list[tuple[str, int, int]] = []
-    found = evaluate_catalogue(
-        (), model, file, CatalogueConfig(views=0, limit=1), progress=lambda *step: seen.append(step)
-    )
+    found = evaluate_catalogue((), model, file, ScanConfig(views=0, limit=1), progress=lambda *step: seen.append(step))
     ((dataset, outcome),) = found.outcomes
     assert (dataset, outcome.category) == ("mine", "table")
     assert found.header["database"] == str(file)
@@ -166,11 +167,22 @@ def test_a_database_alone_is_its_own_catalogue(packs: dict[str, Path], model: Mo
 
 
 RIGHT = CatalogueOutcome(
-    "a", "chair", "none", None, "a", 1, "none", 2.0, 0.9, 0, 50.0, 0.01, 0.02, thickness=(1.0, 0.5)
+    model_id="a",
+    category="chair",
+    symmetry="none",
+    model="a",
+    rank=1,
+    step="none",
+    yaw=2.0,
+    confidence=0.9,
+    milliseconds=50.0,
+    distance=0.01,
+    undeformed_distance=0.02,
+    thickness=(1.0, 0.5),
 )
 BENT = replace(RIGHT, model_id="b", model="b", step="structure", distance=0.03, thickness=(1.05,))
 WRONG = replace(RIGHT, model_id="c", rank=4, distance=0.5, yaw=90.0, thickness=())
-LOST = CatalogueOutcome("d", "chair", "none", failure="too small")
+LOST = CatalogueOutcome(model_id="d", category="chair", symmetry="none", failure="too small")
 
 
 def test_summaries_by_hand() -> None:
@@ -194,23 +206,23 @@ def test_summaries_by_hand() -> None:
     }
 
 
-def test_failures_are_kept(target: ScanTarget, how: Fitting, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failures_are_kept(target: ScanTarget, settings: FitSettings, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(points: np.ndarray, *arguments: Any, **options: Any) -> Any:
         raise ScanError("scan: too small.")
 
-    monkeypatch.setattr(scan_outcomes, "fit", fails)
-    outcome = measure_catalogue_scan(target, "chair", how)
+    monkeypatch.setattr(fit_outcome, "fit", fails)
+    outcome = measure_catalogue_scan(target, "chair", settings)
     assert outcome.failure == "scan: too small."
     assert outcome.to_json()["ratio"] is None
 
 
 def test_impossible_settings(packs: dict[str, Path], model: Model, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="views"):
-        CatalogueConfig(views=-1)
+        ScanConfig(views=-1)
     with pytest.raises(ConfigError, match="top_k"):
-        CatalogueConfig(top_k=0)
+        ScanConfig(top_k=0)
     with pytest.raises(ConfigError, match="limit"):
-        evaluate_catalogue([packs["chair"]], model, None, CatalogueConfig(limit=0))
+        evaluate_catalogue([packs["chair"]], model, None, ScanConfig(limit=0))
     pack = MeshPack.load(packs["chair"])
     lone = tmp_path / "chair.npz"
     MeshPack.from_meshes(list(pack), list(pack.model_id), ["val"] * 12, "chair").save(lone)

@@ -12,10 +12,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kpred.errors import ConfigError, ScanError
+from kpred.evaluation.database_source import database_source
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between
 from kpred.evaluation.scans import real_crops as real
-from kpred.evaluation.scans.outcomes import Fitting
+from kpred.evaluation.scans.outcome import FitSettings
 from kpred.evaluation.scans.real_crops import Crop, CropOutcome, evaluate_crops, read_crops, summarise_crops
 from kpred.evaluation.scans.scenes import (
     SceneOutcome,
@@ -26,7 +27,6 @@ from kpred.evaluation.scans.scenes import (
     scan_of,
     summarise_scenes,
 )
-from kpred.evaluation.searched import searched
 from kpred.fitting.pipeline import fit
 from kpred.nn import Model
 from kpred.ops.rotations import upright_rotation
@@ -43,9 +43,9 @@ PLACE = np.array([2.0, -1.0, 0.5])
 
 
 @pytest.fixture(scope="module")
-def how(packs: dict[str, Path], model: Model) -> Iterator[Fitting]:
-    with searched([packs["chair"], packs["table"]], model, None, 0, None, pytest.fail) as database:
-        yield Fitting(model, database, top_k=2, seed=0)
+def settings(packs: dict[str, Path], model: Model) -> Iterator[FitSettings]:
+    with database_source([packs["chair"], packs["table"]], model, None, 0, None, pytest.fail) as database:
+        yield FitSettings(model, database, top_k=2, seed=0)
 
 
 def surface(category: str, count: int = 900) -> np.ndarray:
@@ -71,8 +71,8 @@ def crops(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def outcomes(crops: Path, how: Fitting) -> list[CropOutcome]:
-    return evaluate_crops(read_crops(crops), how)
+def outcomes(crops: Path, settings: FitSettings) -> list[CropOutcome]:
+    return evaluate_crops(read_crops(crops), settings)
 
 
 def test_the_index_or_the_name_says_what_a_crop_is(crops: Path) -> None:
@@ -97,10 +97,10 @@ def test_folders_that_hold_no_crops(crops: Path, tmp_path: Path) -> None:
         read_crops(crops, up="up")
 
 
-def test_distances_are_those_of_the_fit_alone(crops: Path, how: Fitting, outcomes: list[CropOutcome]) -> None:
+def test_distances_are_those_of_the_fit_alone(crops: Path, settings: FitSettings, outcomes: list[CropOutcome]) -> None:
     outcome = outcomes[1]
     points = read_scan(crops / "chair_00.ply")
-    result = fit(points, how.model, how.database, top_k=2, up="y")
+    result = fit(points, settings.model, settings.database, top_k=2, up="y")
     distances = Surface(result.mesh).distances(points)
     kept = clean_scan(points).object_points
     assert (outcome.file, outcome.points, outcome.kept) == ("chair_00.ply", 902, int(kept.sum()))
@@ -115,10 +115,10 @@ def test_distances_are_those_of_the_fit_alone(crops: Path, how: Fitting, outcome
     assert outcome.distance_all > outcome.distance_kept + 0.01
 
 
-def test_what_fails_is_in_the_list_and_what_is_unknown_is_told(crops: Path, how: Fitting) -> None:
+def test_what_fails_is_in_the_list_and_what_is_unknown_is_told(crops: Path, settings: FitSettings) -> None:
     told: list[str] = []
     seen: list[tuple[str, int, int]] = []
-    found = evaluate_crops(read_crops(crops), how, progress=lambda *step: seen.append(step), report=told.append)
+    found = evaluate_crops(read_crops(crops), settings, progress=lambda *step: seen.append(step), report=told.append)
     assert [(o.file, o.failure is None) for o in found] == [
         ("7_04379243_ab.ply", True),
         ("chair_00.ply", True),
@@ -135,12 +135,12 @@ def test_what_fails_is_in_the_list_and_what_is_unknown_is_told(crops: Path, how:
     assert rows["all", "category_right"].n == 3
     assert rows["all", "distance_kept"].unit == "m"
     with pytest.raises(ScanError, match="No crop is of a known category"):
-        evaluate_crops([Crop(crops / "lamp_00.ply", "lamp", "y")], how)
+        evaluate_crops([Crop(crops / "lamp_00.ply", "lamp", "y")], settings)
 
 
-def test_a_broken_file_costs_only_itself(how: Fitting, tmp_path: Path) -> None:
+def test_a_broken_file_costs_only_itself(settings: FitSettings, tmp_path: Path) -> None:
     (tmp_path / "chair_00.ply").write_text("ply\nnonsense")
-    (found,) = evaluate_crops(read_crops(tmp_path), how)
+    (found,) = evaluate_crops(read_crops(tmp_path), settings)
     assert "chair_00.ply" in str(found.failure)
     assert not found.near
 
@@ -155,8 +155,8 @@ def test_near_is_4_cm_of_what_was_kept(outcomes: list[CropOutcome]) -> None:
 
 
 @pytest.fixture(scope="module")
-def objects(layout: Path, how: Fitting) -> list[SceneOutcome]:
-    return evaluate_scenes(layout, how)
+def objects(layout: Path, settings: FitSettings) -> list[SceneOutcome]:
+    return evaluate_scenes(layout, settings)
 
 
 def test_the_annotated_model_stands_where_the_scan_is(layout: Path) -> None:
@@ -178,10 +178,12 @@ def test_the_annotated_rotation_leads_to_canonical_axes(layout: Path) -> None:
     np.testing.assert_allclose(found @ [0, 0, 1], [0, 1, 0], atol=1e-6)
 
 
-def test_objects_are_measured_against_their_annotation(layout: Path, how: Fitting, objects: list[SceneOutcome]) -> None:
+def test_objects_are_measured_against_their_annotation(
+    layout: Path, settings: FitSettings, objects: list[SceneOutcome]
+) -> None:
     told: list[str] = []
     seen: list[int] = []
-    again = evaluate_scenes(layout, how, progress=lambda name, done, total: seen.append(done), report=told.append)
+    again = evaluate_scenes(layout, settings, progress=lambda name, done, total: seen.append(done), report=told.append)
     assert [item.to_json() | {"milliseconds": 0} for item in again] == [
         item.to_json() | {"milliseconds": 0} for item in objects
     ]
@@ -204,7 +206,7 @@ def test_objects_are_measured_against_their_annotation(layout: Path, how: Fittin
     assert gone.tile is not None
 
 
-def test_the_truth_passes(layout: Path, how: Fitting, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_truth_passes(layout: Path, settings: FitSettings, monkeypatch: pytest.MonkeyPatch) -> None:
     from kpred.fitting import fit_scene as scene_module
     from kpred.ops import unit_box_frame
 
@@ -218,7 +220,7 @@ def test_the_truth_passes(layout: Path, how: Fitting, monkeypatch: pytest.Monkey
         return replace(really(points, *arguments, **options), mesh=placed, frame=frame)
 
     monkeypatch.setattr(scene_module, "fit", true_fit)
-    good = evaluate_scenes(layout, how)[0]
+    good = evaluate_scenes(layout, settings)[0]
     assert good.ratio == pytest.approx(1)
     assert good.centre_cm == pytest.approx(0, abs=0.1)
     assert good.yaw == pytest.approx(0, abs=1e-6)
@@ -228,28 +230,35 @@ def test_the_truth_passes(layout: Path, how: Fitting, monkeypatch: pytest.Monkey
 
 def test_passing_needs_nearness_and_place() -> None:
     item = SceneOutcome(
-        "s", "chair_1", "chair", 10, found="chair", distance=0.0239, annotated_distance=0.02, centre_cm=9.9
+        scene="s",
+        name="chair_1",
+        category="chair",
+        points=10,
+        found="chair",
+        distance=0.0239,
+        annotated_distance=0.02,
+        centre_cm=9.9,
     )
     assert item.passes
     assert not replace(item, distance=0.0241).passes
     assert not replace(item, centre_cm=10.1).passes
-    lost = SceneOutcome("s", "table_2", "table", 10, failure="no")
+    lost = SceneOutcome(scene="s", name="table_2", category="table", points=10, failure="no")
     rows = {(row.category, row.metric): row.value for row in summarise_scenes([item, lost], "s", 0)}
     assert rows["all", "passes"] == rows["all", "category_right_untold"] == 0.5
     assert rows["all", "distance_ratio"] == pytest.approx(1.195)
     assert ("table", "distance") not in rows
 
 
-def test_scenes_that_are_not_there(layout: Path, how: Fitting, tmp_path: Path) -> None:
+def test_scenes_that_are_not_there(layout: Path, settings: FitSettings, tmp_path: Path) -> None:
     with pytest.raises(ScanError, match=r"full_annotations\.json"):
-        evaluate_scenes(tmp_path, how)
+        evaluate_scenes(tmp_path, settings)
     with pytest.raises(ScanError, match=f"{SCENE}_vh_clean_2.ply"):
-        evaluate_scenes(tmp_path, how, layout / "full_annotations.json")
+        evaluate_scenes(tmp_path, settings, layout / "full_annotations.json")
     content = json.loads((layout / "full_annotations.json").read_text())
     content[0]["aligned_models"] = content[0]["aligned_models"][1:2]
     (tmp_path / "bins.json").write_text(json.dumps(content))
     with pytest.raises(ScanError, match="no object of a known category"):
-        evaluate_scenes(layout, how, tmp_path / "bins.json")
+        evaluate_scenes(layout, settings, tmp_path / "bins.json")
 
 
 def test_the_shared_crops_say_what_they_are(shared_data: Path) -> None:

@@ -11,16 +11,18 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from kpred.database import Database
-from kpred.errors import ConfigError, DatabaseError, MeshError, ModelError, PackError, ScanError
+from kpred.errors import DatabaseError, MeshError, ModelError, PackError, ScanError
+from kpred.evaluation.database_source import database_source
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans import outcomes as scan_outcomes
-from kpred.evaluation.scans.outcomes import Errors, Fitting, ScanOutcome, measure_scan, moved, tried
-from kpred.evaluation.scans.summaries import confusion, reliability_of, summarise
+from kpred.evaluation.scans import outcome as fit_outcome
+from kpred.evaluation.scans.outcome import FitSettings, moved, try_fit
+from kpred.evaluation.scans.run import ScanConfig
+from kpred.evaluation.scans.scan_outcomes import Errors, ScanOutcome, measure_scan
+from kpred.evaluation.scans.scan_summaries import confusion, reliability_of, summarise
 from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.evaluation.scans.tiles import worst_and_typical
 from kpred.evaluation.scans.virtual_scans import ScansReport, evaluate_scans
-from kpred.evaluation.searched import searched
 from kpred.fitting import Fit
 from kpred.nn import Model
 from kpred.ops import Frame
@@ -43,13 +45,13 @@ def others(packs: dict[str, Path]) -> Path:
 
 @pytest.fixture(scope="module")
 def report(packs: dict[str, Path], others: Path, model: Model) -> ScansReport:
-    return evaluate_scans([packs["chair"], packs["table"], others], model, limit=2, top_k=2, worst=2)
+    return evaluate_scans([packs["chair"], packs["table"], others], model, None, ScanConfig(limit=2, top_k=2, tiles=2))
 
 
 @pytest.fixture(scope="module")
-def how(packs: dict[str, Path], model: Model) -> Any:
-    with searched([packs["chair"], packs["table"]], model, None, 0, None, pytest.fail) as database:
-        yield Fitting(model, database, top_k=2, seed=0)
+def settings(packs: dict[str, Path], model: Model) -> Any:
+    with database_source([packs["chair"], packs["table"]], model, None, 0, None, pytest.fail) as database:
+        yield FitSettings(model, database, top_k=2, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +60,8 @@ def target(packs: dict[str, Path]) -> ScanTarget:
 
 
 @pytest.fixture(scope="module")
-def some(target: ScanTarget, how: Fitting) -> Fit:
-    found = tried(target.scan, how, up="y")
+def some(target: ScanTarget, settings: FitSettings) -> Fit:
+    found = try_fit(target.scan, settings, up="y")
     assert isinstance(found, Fit)
     return found
 
@@ -103,11 +105,11 @@ def unit_mesh(packs: dict[str, Path], target: ScanTarget) -> trimesh.Trimesh:
 
 
 def test_the_true_shape_has_no_errors_wherever_it_stands(
-    packs: dict[str, Path], target: ScanTarget, how: Fitting, some: Fit, monkeypatch: pytest.MonkeyPatch
+    packs: dict[str, Path], target: ScanTarget, settings: FitSettings, some: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     perfect = Given(some, target, unit_mesh(packs, target))
-    monkeypatch.setattr(scan_outcomes, "fit", perfect)
-    outcome = measure_scan(target, "chair", how, keep_mesh=True)
+    monkeypatch.setattr(fit_outcome, "fit", perfect)
+    outcome = measure_scan(target, "chair", settings, keep_mesh=True)
     for errors in (outcome.unknown, outcome.known):
         assert errors is not None
         # What is left is the spacing of the samples.
@@ -128,12 +130,12 @@ def test_the_true_shape_has_no_errors_wherever_it_stands(
 
 
 def test_errors_of_a_shifted_and_stretched_result(
-    packs: dict[str, Path], target: ScanTarget, how: Fitting, some: Fit, monkeypatch: pytest.MonkeyPatch
+    packs: dict[str, Path], target: ScanTarget, settings: FitSettings, some: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = unit_mesh(packs, target)
     mesh.vertices = mesh.vertices * [1.0, 1.3, 1.0] + [0.2, 0.0, 0.0]
-    monkeypatch.setattr(scan_outcomes, "fit", Given(some, target, mesh))
-    errors = measure_scan(target, "chair", how).unknown
+    monkeypatch.setattr(fit_outcome, "fit", Given(some, target, mesh))
+    errors = measure_scan(target, "chair", settings).unknown
     assert errors is not None
     assert errors.centre == pytest.approx(0.1, abs=1e-5)
     assert errors.size == pytest.approx(0.3 * (target.high - target.low)[1] / 2 / 3, abs=1e-5)
@@ -151,7 +153,7 @@ def test_errors_of_a_shifted_and_stretched_result(
 def test_right_needs_category_yaw_and_nearness(
     packs: dict[str, Path],
     target: ScanTarget,
-    how: Fitting,
+    settings: FitSettings,
     some: Fit,
     monkeypatch: pytest.MonkeyPatch,
     yaw: float,
@@ -161,18 +163,18 @@ def test_right_needs_category_yaw_and_nearness(
 ) -> None:
     mesh = unit_mesh(packs, target)
     mesh.vertices = mesh.vertices + [0.0, shift, 0.0]
-    monkeypatch.setattr(scan_outcomes, "fit", Given(some, target, mesh, float(yaw), category))
-    outcome = measure_scan(target, "chair", how)
+    monkeypatch.setattr(fit_outcome, "fit", Given(some, target, mesh, float(yaw), category))
+    outcome = measure_scan(target, "chair", settings)
     assert outcome.yaw == pytest.approx(yaw)
     assert outcome.right == right
 
 
-def test_no_failure_is_lost(target: ScanTarget, how: Fitting, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_failure_is_lost(target: ScanTarget, settings: FitSettings, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(points: np.ndarray, *arguments: Any, **options: Any) -> Any:
         raise ScanError("scan: too\n small.") if "frame" in options else RuntimeError("the network fell over")
 
-    monkeypatch.setattr(scan_outcomes, "fit", fails)
-    outcome = measure_scan(target, "chair", how)
+    monkeypatch.setattr(fit_outcome, "fit", fails)
+    outcome = measure_scan(target, "chair", settings)
     assert outcome.failure == "unexpected RuntimeError: the network fell over"
     assert outcome.known_failure == "scan: too small."
     assert not outcome.right
@@ -182,7 +184,7 @@ def test_no_failure_is_lost(target: ScanTarget, how: Fitting, monkeypatch: pytes
     assert rows["right"].value == rows["category_right"].value == rows["yaw_right"].value == 0
     assert "ucd_whole_ratio" not in rows
     assert confusion([outcome]) == {"chair": {"failed": 1}}
-    assert ScansReport({}, (), {}, None, (("data", outcome),)).failures == (
+    assert ScansReport({}, (), (("data", outcome),), confusion={}, reliability=None).failures == (
         "data/chair target, nothing given: unexpected RuntimeError: the network fell over",
         "data/chair target, all given: scan: too small.",
     )
@@ -201,8 +203,8 @@ FINE = ScanOutcome(
     known=replace(ERRORS, whole=0.01),
 )
 TURNED = replace(FINE, up="-z", yaw=90.0, confidence=0.6, unknown=replace(ERRORS, whole=0.04), symmetry="half turn")
-LOST = ScanOutcome("c", "chair", "none", failure="too small", known=ERRORS)
-OTHER = ScanOutcome("d", "other", "none", found="chair", confidence=0.3, warnings=0)
+LOST = ScanOutcome(model_id="c", category="chair", symmetry="none", failure="too small", known=ERRORS)
+OTHER = ScanOutcome(model_id="d", category="other", symmetry="none", found="chair", confidence=0.3)
 BOLD = replace(OTHER, confidence=0.8)
 
 
@@ -264,7 +266,7 @@ def test_the_report_is_plain_json_with_units(report: ScansReport) -> None:
 
 
 def test_the_same_arguments_give_the_same_rows(report: ScansReport, packs: dict[str, Path], model: Model) -> None:
-    again = evaluate_scans([packs["chair"], packs["table"]], model, limit=2, top_k=2)
+    again = evaluate_scans([packs["chair"], packs["table"]], model, None, ScanConfig(limit=2, top_k=2))
     times = ("milliseconds", "other_milliseconds")
     mine = [s for s in report.summaries if s.dataset == "generated" and s.category != "all" and s.metric not in times]
     assert mine == [s for s in again.summaries if s.category != "all" and s.metric not in times]
@@ -290,20 +292,20 @@ def test_failures_are_worse_than_wrong_and_wrong_than_right(target: ScanTarget) 
 
 def test_targets_of_the_database_are_told(packs: dict[str, Path], model: Model) -> None:
     told: list[str] = []
-    found = evaluate_scans([packs["chair"]], model, split="source", limit=1, top_k=1, report=told.append)
+    found = evaluate_scans(
+        [packs["chair"]], model, None, ScanConfig(limit=1, top_k=1), split="source", report=told.append
+    )
     assert found.header["remarks"] == told
     assert any("9 shapes of its split 'source' are in the database" in sentence for sentence in told)
 
 
 def test_what_cannot_be_measured_is_said_before_the_work(
-    packs: dict[str, Path], others: Path, model: Model, how: Fitting, tmp_path: Path
+    packs: dict[str, Path], others: Path, model: Model, settings: FitSettings, tmp_path: Path
 ) -> None:
     with pytest.raises(PackError, match="split 'test'"):
         evaluate_scans([packs["chair"]], model, split="test")
     with pytest.raises(PackError, match=r"other\.npz: no pack with source shapes"):
         evaluate_scans([others], model)
-    with pytest.raises(ConfigError, match="top_k"):
-        evaluate_scans([packs["chair"]], model, top_k=0)
     with pytest.raises(ModelError, match="table"):
         evaluate_scans([packs["table"]], Model("chairs", {"chair": model["chair"]}))
     no_source = MeshPack.load(packs["chair"])

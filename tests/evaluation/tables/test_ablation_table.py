@@ -8,8 +8,9 @@ import pytest
 from kpred.errors import ConfigError
 from kpred.evaluation.tables import ablation_table
 from kpred.evaluation.tables.ablation_table import EFFECTS, effects, make_ablation_table
-from kpred.evaluation.tables.make_table import TableConfig, make_table
-from kpred.evaluation.tables.measuring import SourcePack
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import make_table
+from kpred.evaluation.tables.packs import OpenPack, SourcePack
 from kpred.evaluation.tables.table import Table
 from kpred.nn import ModelConfig
 from kpred.shapes.pack import MeshPack
@@ -66,14 +67,14 @@ def test_a_stopped_table_keeps_the_rows_that_were_done(
     table, folder = made
     (measured,) = _place(small, folder, "f").glob("measured-*[0-9a-f].json")
     measured.unlink()
-    real: Callable = ablation_table.add_measured
+    real: Callable = ablation_table.add_scores
     asked: list[str] = []
 
-    def counting(table: Table, source: SourcePack, models: dict, *rest: object) -> str:
+    def counting(table: Table, pack: OpenPack, models: dict, *rest: object, **more: object) -> None:
         asked.extend(models)
-        return real(table, source, models, *rest)
+        real(table, pack, models, *rest, **more)
 
-    monkeypatch.setattr(ablation_table, "add_measured", counting)
+    monkeypatch.setattr(ablation_table, "add_scores", counting)
     again = make_ablation_table([small], rows_named(NAMED), folder, _runs, CONFIG)
     assert asked == ["f"]
     assert again.values == table.values

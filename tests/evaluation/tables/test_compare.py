@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import wilcoxon
 
 from kpred.errors import ConfigError
+from kpred.evaluation.metrics.metric import Metric
 from kpred.evaluation.tables.compare import compare, settings_changed
 from kpred.evaluation.tables.table import Series, Subject, Table
 
@@ -24,8 +25,10 @@ def make(model: str, shift: float = 0.0, seed: int = 0, width: int = 8) -> Table
     rng = np.random.default_rng(seed)
     for number in range(30):
         subject = Subject("d", "chair" if number < 20 else "table", f"s{number}")
-        table.add(Series(model, "refined", "full", 0.0, "cd", 10), subject, float(rng.random() + 1 + shift))
-        table.add(Series("", "sampling_floor", "full", 0.0, "cd", None), subject, 0.5)
+        table.add(
+            Series(model, "refined", "full", 0.0, Metric("cd", top_k=10)), subject, float(rng.random() + 1 + shift)
+        )
+        table.add(Series("", "sampling_floor", "full", 0.0, Metric("cd")), subject, 0.5)
     return table
 
 

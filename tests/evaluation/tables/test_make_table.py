@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 from kpred.errors import ConfigError, OutputError, PackError
-from kpred.evaluation import evaluate
-from kpred.evaluation.methods import KpRedMethod
+from kpred.evaluation.database_source import content_hash, database_source
+from kpred.evaluation.methods.kp_red import KpRedMethod
+from kpred.evaluation.methods.method import FEED_FORWARD, Query
+from kpred.evaluation.methods.sources import Sources
+from kpred.evaluation.methods.whole_fit import WholeFitMethod
+from kpred.evaluation.metrics.metric import CD
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans.outcomes import Fitting
-from kpred.evaluation.searched import content_hash, searched
+from kpred.evaluation.tables.bench import measure
 from kpred.evaluation.tables.compare import compare
-from kpred.evaluation.tables.frame_protocol import measure_fits
-from kpred.evaluation.tables.make_table import TableConfig, make_table
-from kpred.evaluation.tables.peer_rows import add_methods
-from kpred.evaluation.tables.rows import CD
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import make_table
 from kpred.evaluation.tables.table import ALL, Series, Subject, Table, merged, read_table, write_table
 from kpred.evaluation.tables.target_lists import read_target_list
 from kpred.evaluation.tables.targets import read_targets
@@ -45,28 +46,25 @@ def table(packs: dict[str, Path], model: Model, other: Model, tmp_path_factory: 
     return make_table(list(packs.values()), {"one": model, "two": other}, CONFIG, cache=cache)
 
 
-def _series(table: Table, model: str, method: str, distance: str = CD) -> Series:
-    return next(one for one in table.values if (one.model, one.method, one.distance) == (model, method, distance))
+def _series(table: Table, model: str, method: str) -> Series:
+    return next(one for one in table.values if (one.model, one.method, one.metric.name) == (model, method, CD))
 
 
-def test_means_are_those_of_the_rows_of_evaluate(table: Table, packs: dict[str, Path], model: Model) -> None:
-    rows = evaluate([packs["chair"]], model, top_k=4)
-    for row in rows:
-        name = "" if row.metric in ("sampling_floor", "undeformed_nearest") or "no_learning" in row.metric else "one"
-        dataset = "generated"
-        cell = table.cell(_series(table, name, row.metric, row.distance), dataset, row.category)
+def test_a_cell_is_the_mean_of_its_targets_in_its_interval(table: Table) -> None:
+    for series in table.values:
+        values = [value for subject, value in table.values[series].items() if subject.category == "chair"]
+        cell = table.cell(series, "generated", "chair")
         assert cell is not None
-        assert (cell.value, cell.n) == (pytest.approx(row.value, rel=1e-6, abs=1e-9), row.n)
-        assert cell.percentile_95 == pytest.approx(row.percentile_95, rel=1e-6, abs=1e-9)
-        assert cell.series.unit == row.unit
-        assert cell.low is not None and cell.high is not None
-        assert cell.low <= cell.value <= cell.high
+        assert (cell.value, cell.n) == (pytest.approx(np.mean(values)), len(values))
+        assert cell.percentile_95 == pytest.approx(np.percentile(values, 95))
+        if cell.low is not None and cell.high is not None:
+            assert cell.low <= cell.value <= cell.high
 
 
 def test_both_models_have_the_targets_of_the_baselines(table: Table) -> None:
     targets = set(table.subjects())
     assert len(targets) == 6
-    assert all(set(values) == targets for one, values in table.values.items() if one.distance != "mirror")
+    assert all(set(values) == targets for one, values in table.values.items() if one.metric.name != "mirror")
     assert {one.model for one in table.values} == {"", "one", "two"}
     assert {one.method for one in table.values if one.model == "one"} == {
         one.method for one in table.values if one.model == "two"
@@ -115,20 +113,24 @@ def test_a_kept_database_gives_the_same_values_and_is_not_built_again(
 def test_fits_are_measured_on_their_meshes_in_the_true_box(packs: dict[str, Path], model: Model) -> None:
     target = read_targets(MeshPack.load(packs["chair"]), "p", "val", 1, 0, pytest.fail)[0]
     cloud = target.visible(0.5)
-    with searched([packs["chair"]], model, None, 0, None, pytest.fail) as store:
-        how = Fitting(model, store, 4, 0)
-        settings = RefineConfig(), StructureConfig()
-        scores = measure_fits(target, "chair", how, settings, "partial", 0.5, pytest.fail)
+    query = Query(target.model_id, cloud, True, (4,))
+    with database_source([packs["chair"]], model, None, 0, None, pytest.fail) as store:
+        method = WholeFitMethod("m", model, 0, RefineConfig(), StructureConfig(), pytest.fail)
+        searcher = method.over(Sources.of_databases("chair", {"m": model}, {"m": store}))
         found = fit(cloud.numpy(), model, store, "chair", 4, "known", partial=True, clean=False)
-    values = {score.metric: score.value for score in scores}
-    assert set(values) == {f"fit_{frame}_frame{ending}" for frame in ("known", "unknown") for ending in ("", "_whole")}
+        values = {
+            (prediction.method, metric.surface): value
+            for prediction in searcher.predict(query)
+            for metric, value in measure(prediction, query, target)
+        }
+    assert set(values) == {(f"fit_{frame}_frame", end) for frame in ("known", "unknown") for end in ("seen", "whole")}
     surface = Surface(found.mesh)
     seen, whole = (float((surface.distances(points.numpy()) ** 2).mean()) for points in (cloud, target.points))
     # 2048 points stand for the surface, so that the distance is a little larger.
-    assert seen < values["fit_known_frame"] < seen + 0.005
-    assert whole < values["fit_known_frame_whole"] < whole + 0.005
+    assert seen < values["fit_known_frame", "seen"] < seen + 0.005
+    assert whole < values["fit_known_frame", "whole"] < whole + 0.005
     # In the wrong frame it would be metres away.
-    assert values["fit_unknown_frame"] < 0.5
+    assert values["fit_unknown_frame", "seen"] < 0.5
 
 
 def test_all_means_every_category(table: Table) -> None:
@@ -155,8 +157,6 @@ def test_what_is_no_table_is_refused(tmp_path: Path, text: str) -> None:
 def test_impossible_arguments(packs: dict[str, Path], model: Model, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="at least one model"):
         make_table([packs["chair"]], {}, CONFIG)
-    with pytest.raises(ConfigError, match="Occlusions"):
-        make_table([packs["chair"]], {"m": model}, TableConfig("partial", occlusions=(1.0,)))
     with pytest.raises(OutputError, match="tables are .json"):
         write_table(Table({}), tmp_path / "table.txt")
     (tmp_path / "file").write_text("")
@@ -228,14 +228,36 @@ def test_corrupt_meshes_are_left_out_counted_and_told_once(
 def test_other_methods_stand_in_the_table_on_its_targets(packs: dict[str, Path], model: Model, table: Table) -> None:
     only = frozenset(subject.model_id for subject in table.subjects()[:2])
     config = replace(CONFIG, only=only)
-    mine = make_table([packs["chair"]], {"one": model}, config)
-    add_methods(mine, [packs["chair"]], {"peer": (KpRedMethod("peer", model), {"model": "x"})}, config)
-    peer = next(one for one in mine.values if one.model == "peer")
-    # It is the same network, by another way.
+    # It is the same network, as another method, over a database of its own.
+    mine = make_table([packs["chair"]], {"one": model}, config, methods=[KpRedMethod("peer", model)])
+    peer = _series(mine, "peer", FEED_FORWARD)
     assert mine.values[peer] == pytest.approx(mine.values[replace(peer, model="one")], rel=1e-5)
     assert set(mine.subjects()) == set(mine.values[peer])
-    assert mine.header["models"]["peer"] == {"model": "x"}
+    assert set(mine.header["models"]) == {"one", "peer"}
+    assert mine.header["database_models"] == {"generated/chair": 9}
     (row, *_) = compare(mine, mine, "one", "peer")
     assert row.ratio == pytest.approx(1, rel=1e-5)
     with pytest.raises(ConfigError, match="named one; name them apart"):
-        add_methods(mine, [packs["chair"]], {"one": (KpRedMethod("one", model), {})}, config)
+        make_table([packs["chair"]], {"one": model}, config, methods=[KpRedMethod("one", model)])
+
+
+def test_a_table_of_version_1_is_read(tmp_path: Path) -> None:
+    common = {"model": "m", "protocol": "partial", "occlusion": 0.5, "top_k": 10, "values": [0.25]}
+    cd, ucd = "chamfer_distance", "unilateral_chamfer_distance"
+    series = [
+        {**common, "method": "refined", "distance": ucd, "unit": "unit box squared"},
+        {**common, "method": "refined_whole", "distance": f"{ucd}_of_whole_surface", "unit": "unit box squared"},
+        {**common, "method": "refined", "distance": "squareness", "unit": "degrees"},
+        {**common, "method": "true_best_in_top_by_tokens", "distance": cd, "unit": "share"},
+    ]
+    target = {"dataset": "d", "category": "chair", "model_id": "s"}
+    content = {"version": 1, "header": {"seed": 0}, "rows": [], "targets": [target], "series": series}
+    (tmp_path / "old.json").write_text(json.dumps(content))
+    found = read_table(tmp_path / "old.json")
+    assert [(one.method, one.metric.name, one.metric.surface, one.metric.unit) for one in found.values] == [
+        ("refined", ucd, "seen", "unit box squared"),
+        ("refined", ucd, "whole", "unit box squared"),
+        ("refined", "squareness", "mesh", "degrees"),
+        ("tokens", "true_best_in_top", "seen", "fraction"),
+    ]
+    assert all(values == {Subject("d", "chair", "s"): 0.25} for values in found.values.values())

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from kpred.evaluation import evaluate
-from kpred.evaluation.tables.make_table import TableConfig, make_table
+from kpred.evaluation.metrics.metric import CD, UCD, Metric
+from kpred.evaluation.tables.bench import PARTIAL, Condition
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import make_table
 from kpred.evaluation.tables.ranking import NEARLY_BEST, ORDERS, RANK, TRUE_BEST, Ranking, scores_of
-from kpred.evaluation.tables.table import Series
 from kpred.nn import Model
-
-WHERE = Series("m", "", "full", 0.0, "cd", None)
 
 
 def _ranking(rng: np.random.Generator, models: int = 30) -> Ranking:
@@ -39,33 +38,33 @@ def test_correlation_is_that_of_scipy_and_ties_say_nothing(rng: np.random.Genera
 def test_the_true_best_is_in_every_top_from_its_rank_on(rng: np.random.Generator) -> None:
     for _ in range(20):
         ranking = _ranking(rng)
-        found = {(series.method, series.top_k): value for series, value in scores_of(ranking, WHERE, range(1, 31))}
+        scores = scores_of(ranking, "m", Condition(), range(1, 31))
+        found = {(one.method, one.metric.name, one.metric.top_k): value for one, value in scores}
         for order in ORDERS:
-            place = found[f"{RANK}_by_{order}", None]
-            hits = [found[f"{TRUE_BEST}_by_{order}", k] for k in range(1, 31)]
+            place = found[order, RANK, None]
+            hits = [found[order, TRUE_BEST, k] for k in range(1, 31)]
             assert hits == [float(k >= place) for k in range(1, 31)]
-            near = [found[f"{NEARLY_BEST}_by_{order}", k] for k in range(1, 31)]
+            near = [found[order, NEARLY_BEST, k] for k in range(1, 31)]
             assert near == sorted(near)
             assert all(a >= b for a, b in zip(near, hits, strict=True))
-        refined = [found["refined", k] for k in range(1, 31)]
+        refined = [found["refined", CD, k] for k in range(1, 31)]
         assert refined == sorted(refined, reverse=True)
-        assert refined[-1] == found["refined", None] == ranking.refined.min()
+        assert refined[-1] == found["refined", CD, None] == ranking.refined.min()
 
 
-def test_the_oracle_is_that_of_the_protocols(packs: dict[str, Path], model: Model) -> None:
-    table = make_table([packs["chair"]], {"m": model}, TableConfig("oracle", top_k=(1, 9), limit=2, occlusions=(0.5,)))
-    rows = evaluate([packs["chair"]], model, top_k=4, limit=2, oracle=True, protocol="all", occlusions=(0.5,))
-    for protocol in ("full", "partial"):
+def test_the_oracle_is_that_of_the_bench(packs: dict[str, Path], model: Model) -> None:
+    settings = {"limit": 2, "occlusions": (0.5,)}
+    table = make_table([packs["chair"]], {"m": model}, TableConfig("oracle", top_k=(1, 9), **settings))
+    bench = make_table([packs["chair"]], {"m": model}, TableConfig("all", top_k=(4,), oracle=True, **settings))
+    for condition in (Condition(), Condition(PARTIAL, 0.5)):
+        error = UCD if condition.partial else CD
         for method in ("refined", "feed_forward"):
-            wanted = next(row.value for row in rows if (row.metric, row.protocol) == (f"oracle_{method}", protocol))
+            wanted = bench.cell(condition.series("m", f"oracle_{method}", Metric(error)), "generated", "chair")
             for top_k in (9, None):
-                series = next(
-                    one for one in table.values if (one.method, one.protocol, one.top_k) == (method, protocol, top_k)
-                )
-                cell = table.cell(series, "generated", "chair")
-                assert cell is not None
-                assert cell.value == pytest.approx(wanted, rel=1e-5)
-    hits = [values for one, values in table.values.items() if one.method.startswith(TRUE_BEST) and one.top_k == 9]
+                found = table.cell(condition.series("m", method, Metric(error, top_k=top_k)), "generated", "chair")
+                assert found is not None and wanted is not None
+                assert found.value == pytest.approx(wanted.value, rel=1e-5)
+    hits = [values for one, values in table.values.items() if (one.metric.name, one.metric.top_k) == (TRUE_BEST, 9)]
     assert hits and all(set(values.values()) == {1.0} for values in hits)
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from kpred.errors import ScanError
-from kpred.evaluation.tables.make_table import TableConfig
+from kpred.evaluation.metrics.metric import SEEN, WHOLE
+from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.scan2cad_table import ANNOTATED, make_scan2cad_table
 from kpred.evaluation.tables.table import Subject, Table
 from kpred.nn import Model
@@ -22,8 +23,8 @@ def made(layout: Path, packs: dict[str, Path], model: Model) -> tuple[Table, lis
     return make_scan2cad_table([layout], {"m": model}, CONFIG, source=source, report=told.append), told
 
 
-def _value(table: Table, method: str) -> float:
-    (series,) = [one for one in table.values if one.method == method and one.is_error]
+def _value(table: Table, method: str, surface: str = SEEN) -> float:
+    (series,) = [one for one in table.values if (one.method, one.metric.surface) == (method, surface)]
     (value,) = table.values[series].values()
     return value
 
@@ -36,7 +37,7 @@ def test_the_scan_lies_on_the_annotated_model_in_its_own_frame(made: tuple[Table
     assert _value(table, ANNOTATED) < 0.5 * _value(table, "undeformed_nearest")
     for method in ("no_learning", "feed_forward", "refined", "structure", "fit_unknown_frame"):
         assert 0 < _value(table, method) < 1
-        assert 0 < _value(table, f"{method}_whole") < 1
+        assert 0 < _value(table, method, WHOLE) < 1
 
 
 def test_what_is_not_there_is_told(made: tuple[Table, list[str]]) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
@@ -15,31 +16,35 @@ from torch import Tensor
 from kpred.database import Database, build_database
 from kpred.database.encode import PreparedMesh, prepare_mesh
 from kpred.errors import MeshError, PackError
-from kpred.evaluation.searched import SOURCE_SPLIT
-from kpred.evaluation.tables.baselines import NoLearning, undeformed_errors
+from kpred.evaluation.database_source import SOURCE_SPLIT
+from kpred.evaluation.metrics.cloud_errors import cloud_errors
 from kpred.nn import Model
 from kpred.ops.typing import Float
 from kpred.shapes.pack import MeshPack
 
 
 class Sources:
-    """Source shapes in their unit boxes, and what several methods need of them; each is made when it is asked for.
+    """Source shapes in their unit boxes, and what several methods need of them, made at first use.
 
-    A context manager: databases are temporary files, removed at its end.
+    A context manager: databases that are built here are temporary files, removed at its end.
 
     Attributes:
-        category: of the shapes; meshes: M of them, each with 2048 points; seed: of these points.
+        category: of the shapes; model_ids: M ids; points: (M, 2048, 3) of their surfaces; seed: of these points.
+        meshes: of the shapes, where they come from a pack; none where they come from a database.
     """
 
-    def __init__(self, category: str, meshes: Sequence[PreparedMesh], seed: int) -> None:
-        self.category, self.meshes, self.seed = category, tuple(meshes), seed
+    def __init__(
+        self, category: str, model_ids: Sequence[str], points: Tensor, seed: int, meshes: Sequence[PreparedMesh] = ()
+    ) -> None:
+        self.category, self.model_ids, self.points, self.seed = category, tuple(model_ids), points, seed
+        self.meshes = tuple(meshes)
         self._databases: dict[int, Database] = {}
         self._undeformed: tuple[Tensor, bool, Tensor] | None = None
         self._stack = ExitStack()
 
     @classmethod
     def of_pack(cls, pack: MeshPack, name: str, seed: int, report: Callable[[str], None]) -> Sources:
-        """The shapes of the split `source`; those without a surface go to `report` and are left out.
+        """Prepare the shapes of the split `source`; those without a surface go to `report` and are left out.
 
         Raises:
             PackError: no shape is left.
@@ -52,7 +57,23 @@ class Sources:
                 report(f"left out of the sources: {error}")
         if not meshes:
             raise PackError(f"{name}: no shape is in the split '{SOURCE_SPLIT}' to search; give another pack.")
-        return cls(pack.category, meshes, seed)
+        points = torch.stack([item.points for item in meshes])
+        return cls(pack.category, [item.model_id for item in meshes], points, seed, meshes)
+
+    @classmethod
+    def of_databases(cls, category: str, models: Mapping[str, Model], stores: Mapping[str, Database]) -> Sources:
+        """Take the shapes of databases of the same shapes, one of each model.
+
+        Args:
+            models, stores: by name, at least one; the points are those of the first database.
+
+        Raises:
+            DatabaseError: a database holds no model of the category.
+        """
+        arrays = next(iter(stores.values())).candidates(category)
+        found = cls(category, arrays.model_ids, torch.from_numpy(arrays.points), 0)
+        found._databases = {id(model): stores[name] for name, model in models.items()}
+        return found
 
     def __enter__(self) -> Sources:
         return self
@@ -64,34 +85,24 @@ class Sources:
         self._databases.clear()
 
     def __len__(self) -> int:
-        return len(self.meshes)
-
-    @property
-    def model_ids(self) -> tuple[str, ...]:
-        """M ids."""
-        return tuple(item.model_id for item in self.meshes)
+        return len(self.model_ids)
 
     @cached_property
-    def points(self) -> Float[Tensor, "models points 3"]:
-        """Surface points of all shapes, each in its own unit box."""
-        return torch.stack([item.points for item in self.meshes])
-
-    @cached_property
-    def baseline(self) -> NoLearning:
-        """Bases that need no network."""
-        return NoLearning.build(self.model_ids, self.category, self.points)
+    def digest(self) -> str:
+        """Hash of the ids."""
+        return hashlib.sha256("\n".join(self.model_ids).encode()).hexdigest()[:16]
 
     def undeformed_errors(self, target: Float[Tensor, "points 3"], partial: bool) -> Float[Tensor, " models"]:
-        """Distance of the target to every source as it is (CD; UCD if partial), unit box squared.
+        """Compute the distance of a target to every source as it is (CD; UCD if partial), unit box squared.
 
-        Several methods ask for that of the same target one after the other: the last answer is kept.
+        The last answer is kept: several methods need that of the same target one after the other.
         """
         if self._undeformed is None or self._undeformed[0] is not target or self._undeformed[1] != partial:
-            self._undeformed = (target, partial, undeformed_errors(target, self.points, partial))
+            self._undeformed = (target, partial, cloud_errors(target, self.points, partial))
         return self._undeformed[2]
 
     def database(self, model: Model) -> Database:
-        """A database of the sources, made by the model's networks.
+        """Return the database of the sources that a model's networks made; it is built if there is none.
 
         Raises:
             ModelError: the model does not know the category.

@@ -82,6 +82,11 @@ def share_interval(hits: Sequence[bool]) -> Interval:
     )
 
 
+def percentile_95(values: Sequence[float]) -> float:
+    """Compute the 95th percentile of at least one value; infinite or NaN where a value is not finite."""
+    return float(np.percentile(values, 95)) if np.isfinite(values).all() else math.fsum(values)
+
+
 def _bootstrap(
     count: int, statistic: Callable[[np.ndarray], Float[np.ndarray, " resamples"]], seed: int
 ) -> tuple[float, float] | tuple[None, None]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import math
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from kpred.atomic import atomic_path
-from kpred.evaluation.metrics.intervals import Interval, mean_interval, median_interval, ratio_interval, share_interval
-from kpred.evaluation.tables.rows import percentile_95
+from kpred.evaluation.metrics.intervals import (
+    Interval,
+    mean_interval,
+    median_interval,
+    percentile_95,
+    ratio_interval,
+    share_interval,
+)
+from kpred.json_output import plain
 
 ALL = "all"
 """Dataset, category or group of what is taken together."""
@@ -46,7 +49,7 @@ class Summary:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; numbers that are not finite become None."""
-        return finite(asdict(self))
+        return plain(self)
 
 
 @dataclass(frozen=True)
@@ -106,22 +109,3 @@ class Scope:
                 found.high,
             )
         ]
-
-
-def finite(value: Any) -> Any:
-    """The same plain value, with None in place of numbers that are not finite."""
-    if isinstance(value, Mapping):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def write_report(path: str | os.PathLike[str], report: Mapping[str, Any]) -> None:
-    """Write a report of plain values as JSON, whole or not at all.
-
-    Raises:
-        OutputError: if the file cannot be written there.
-    """
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -13,14 +13,16 @@ import torch
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
 
+from kpred.evaluation.database_source import Progress
 from kpred.evaluation.plots.figure import new_figure, show_pictures
 from kpred.evaluation.plots.views import blank, mesh_picture, with_points
-from kpred.evaluation.scans.outcomes import Fitting, tried
-from kpred.evaluation.searched import Progress
+from kpred.evaluation.scans.outcome import FitSettings, try_fit
+from kpred.evaluation.tables.bench import check_names
+from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import loaded_models
-from kpred.evaluation.tables.measuring import OpenPack, Plan, Store, checked_packs, open_pack, pack_files
+from kpred.evaluation.tables.packs import OpenPack, Store, checked_packs, open_pack, pack_files
 from kpred.evaluation.tables.targets import Target
-from kpred.fitting import Fit, RefineConfig
+from kpred.fitting import Fit
 from kpred.nn import Model
 from kpred.ops.typing import Float
 
@@ -67,11 +69,12 @@ def grid_figure(
     Raises:
         PackError, ModelError, DatabaseError, ConfigError: see `kpred.evaluation.tables.make_table.make_table`.
     """
+    check_names(list(models))
     loaded, stores = loaded_models(models), dict(databases or {})
     sources = checked_packs(
         pack_files(packs), list(loaded.values()), config.split, any(stores.get(name) is None for name in loaded)
     )
-    plan = Plan((config.top_k,), (), config.split, config.count, config.seed, False, RefineConfig(), False, cache=cache)
+    chosen = TableConfig(split=config.split, limit=config.count, seed=config.seed, top_k=(config.top_k,))
     titles = ["target"]
     for name in loaded:
         shown = [*(["feed-forward"] if config.feed_forward else []), "source of refined", "refined"]
@@ -79,11 +82,13 @@ def grid_figure(
     rows: list[list[np.ndarray | None]] = []
     names: list[str] = []
     for source in sources:
-        with open_pack(source, loaded, stores, plan, progress, report) as pack:
+        with open_pack(source, loaded, stores, chosen, cache, progress, report) as pack:
             for target in pack.targets:
                 cells: list[np.ndarray | None] = [_points(_cloud(target, config).numpy())]
                 for name, model in loaded.items():
-                    cells += _results(target, pack, Fitting(model, pack.stores[name], config.top_k, 0), config, report)
+                    cells += _results(
+                        target, pack, FitSettings(model, pack.stores[name], config.top_k, 0), config, report
+                    )
                 rows.append(cells)
                 names.append(f"{pack.category} {target.model_id[:12]}")
                 if progress is not None:
@@ -98,12 +103,12 @@ def _cloud(target: Target, config: GridConfig) -> torch.Tensor:
 
 
 def _results(
-    target: Target, pack: OpenPack, how: Fitting, config: GridConfig, report: Callable[[str], None]
+    target: Target, pack: OpenPack, settings: FitSettings, config: GridConfig, report: Callable[[str], None]
 ) -> list[np.ndarray | None]:
     cloud = _cloud(target, config).numpy().astype(np.float64)
     options: dict[str, Any] = {"frame": "known", "category": pack.category, "partial": config.occlusion > 0}
-    refined = tried(cloud, how, **options)
-    plain = tried(cloud, how, deform="paper", **options) if config.feed_forward else None
+    refined = try_fit(cloud, settings, **options)
+    plain = try_fit(cloud, settings, deform="paper", **options) if config.feed_forward else None
     if isinstance(refined, str):
         report(f"no result: {target.model_id}: {refined}")
         return [None] * (3 if config.feed_forward else 2)

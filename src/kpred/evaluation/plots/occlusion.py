@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from kpred.errors import ConfigError
+from kpred.evaluation.metrics.metric import SEEN, WHOLE
 from kpred.evaluation.plots.figure import COLORS, new_figure
-from kpred.evaluation.tables.rows import WHOLE
+from kpred.evaluation.tables.bench import PARTIAL
 from kpred.evaluation.tables.table import Series, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Curve = tuple[str, str, str]
-"""Model, method, distance."""
 
 
 def occlusion_figure(tables: Sequence[Table], methods: Sequence[str], whole: bool) -> Figure:
@@ -28,16 +26,17 @@ def occlusion_figure(tables: Sequence[Table], methods: Sequence[str], whole: boo
     Raises:
         ConfigError: no table has such curves.
     """
-    wanted = [method + (WHOLE if whole else "") for method in methods]
+    surface = WHOLE if whole else SEEN
+
+    def is_curve(series: Series) -> bool:
+        from_surface = series.is_error and series.metric.surface == surface
+        return from_surface and series.protocol == PARTIAL and series.method in methods
+
     places = {
-        (dataset, category): table
+        place: table
         for table in tables
-        for dataset in table.datasets()
-        for category in table.categories(dataset)
-        if any(
-            series.method in wanted and series.protocol == "partial" and series.is_error
-            for series in table.series(dataset)
-        )
+        for place in _places(table)
+        if any(is_curve(series) for series in table.series(place[0]))
     }
     if not places:
         raise ConfigError(
@@ -55,7 +54,7 @@ def occlusion_figure(tables: Sequence[Table], methods: Sequence[str], whole: boo
             if not found:
                 axes.set_visible(False)
                 continue
-            _draw(axes, found, dataset, category, wanted, handles)
+            _draw(axes, found, dataset, category, is_curve, handles)
             axes.set_title(category if len(datasets) == 1 else f"{dataset}, {category}", fontsize=9)
             if r == len(datasets) - 1:
                 axes.set_xlabel("hidden (%)", fontsize=8)
@@ -70,12 +69,17 @@ def _places(table: Table) -> list[tuple[str, str]]:
 
 
 def _draw(
-    axes: Any, tables: Sequence[Table], dataset: str, category: str, wanted: Sequence[str], handles: dict[str, Any]
+    axes: Any,
+    tables: Sequence[Table],
+    dataset: str,
+    category: str,
+    is_curve: Callable[[Series], bool],
+    handles: dict[str, Any],
 ) -> None:
     curves: dict[str, list[tuple[float, float, float, float]]] = {}
     for table in tables:
         for series in table.series(dataset):
-            if not _is_curve(series, wanted):
+            if not is_curve(series):
                 continue
             cell = table.cell(series, dataset, category)
             if cell is not None:
@@ -92,10 +96,6 @@ def _draw(
     axes.tick_params(labelsize=7)
 
 
-def _is_curve(series: Series, wanted: Sequence[str]) -> bool:
-    return series.method in wanted and series.protocol == "partial" and series.is_error
-
-
 def _name(series: Series) -> str:
-    method = series.method.removesuffix(WHOLE).replace("_", " ")
+    method = series.method.replace("_", " ")
     return f"{series.model}, {method}" if series.model else method

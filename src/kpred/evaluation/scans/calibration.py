@@ -12,15 +12,16 @@ import numpy as np
 from scipy.optimize import minimize
 
 from kpred.errors import ConfigError, MeshError, PackError
+from kpred.evaluation.database_source import Progress, content_hash
 from kpred.evaluation.header import versions
 from kpred.evaluation.metrics.reliability import Reliability, reliability
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
 from kpred.evaluation.scans.calibration_scans import make_calibration_scan
-from kpred.evaluation.scans.outcomes import NEAR, YAW_RIGHT, Fitting, moved, tried
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FitSettings, moved, try_fit
+from kpred.evaluation.scans.scan_outcomes import NEAR
 from kpred.evaluation.scans.targets import ScanTarget
-from kpred.evaluation.searched import Progress, content_hash
-from kpred.evaluation.tables.measuring import pack_files
+from kpred.evaluation.tables.packs import pack_files
 from kpred.evaluation.tables.targets import chosen_rows, make_target
 from kpred.fitting import Fit
 from kpred.fitting.confidence import FEATURES, Evidence
@@ -65,7 +66,7 @@ class CalibrationSample:
 
 def collect_samples(
     packs: Sequence[str | os.PathLike[str]],
-    how: Fitting,
+    settings: FitSettings,
     *,
     split: str = "val",
     limit: int | None = 150,
@@ -84,19 +85,21 @@ def collect_samples(
     samples: list[CalibrationSample] = []
     for file in pack_files(packs):
         pack = MeshPack.load(file)
-        rows = chosen_rows(pack, split, limit, how.seed)
+        rows = chosen_rows(pack, split, limit, settings.seed)
         if not rows:
             raise PackError(f"{file}: no shape is in the split '{split}'; choose another split.")
         for done, row in enumerate(rows, start=1):
             # The shape before, the last one for the first.
             neighbour = rows[done - 2]
             try:
-                other = make_target(pack[neighbour], str(pack.model_id[neighbour]), how.seed).points.double().numpy()
-                scan = make_calibration_scan(pack[row], str(pack.model_id[row]), other, how.seed)
+                other = (
+                    make_target(pack[neighbour], str(pack.model_id[neighbour]), settings.seed).points.double().numpy()
+                )
+                scan = make_calibration_scan(pack[row], str(pack.model_id[row]), other, settings.seed)
             except MeshError as error:
                 report(f"left out: {error}")
                 continue
-            found = tried(scan.target.scan, how, up="y")
+            found = try_fit(scan.target.scan, settings, up="y")
             if isinstance(found, str):
                 report(f"no result: {pack.model_id[row]}: {found}")
             else:

@@ -12,10 +12,9 @@ import numpy as np
 import trimesh
 
 from kpred.database import Entry
-from kpred.evaluation.metrics.summary import finite
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.outcomes import YAW_RIGHT, Fitting, claimed, moved, tried
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FitOutcome, FitSettings, claims, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget
 from kpred.fitting import Fit
 from kpred.ops.typing import Float
@@ -30,32 +29,24 @@ THICKNESS_KEPT = 0.1
 """A board whose thickness changed by no more than this fraction has kept it."""
 
 
-@dataclass(frozen=True, eq=False)
-class CatalogueOutcome:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CatalogueOutcome(FitOutcome):
     """What became of one scanned model.
 
     Attributes:
-        model_id, category: of the scanned model; symmetry: name of its symmetry.
-        failure: why there is no result.
-        model: id of the result's model; rank: of the scanned model among the candidates, from 1; None: not among them.
+        model_id: of the scanned model; symmetry: name of its symmetry.
+        rank: of the scanned model among the candidates, from 1; None: not among them.
         step: how far the result's model was changed; yaw: error in degrees up to symmetry.
-        confidence, warnings, milliseconds: of the fit.
         distance: from the true surface to the result; undeformed_distance: to the result's model as it is, placed.
         thickness: of each board of the result against that of the model itself; of the right model alone.
-        result: its mesh in the true unit box, where it was asked for.
+        result: its mesh in the true unit box, if it was asked for.
     """
 
     model_id: str
-    category: str
     symmetry: str
-    failure: str | None = None
-    model: str | None = None
     rank: int | None = None
     step: str | None = None
     yaw: float | None = None
-    confidence: float | None = None
-    warnings: int = 0
-    milliseconds: float | None = None
     distance: float | None = None
     undeformed_distance: float | None = None
     thickness: tuple[float, ...] = ()
@@ -78,28 +69,24 @@ class CatalogueOutcome:
             return None
         return self.distance / max(self.undeformed_distance, np.finfo(float).tiny)
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, without the mesh."""
-        facts = {key: value for key, value in self.__dict__.items() if key != "result"}
-        return finite({**facts, "ratio": self.ratio})
+    def facts(self) -> dict[str, Any]:
+        """See `FitOutcome`."""
+        return {"ratio": self.ratio}
 
 
 def measure_catalogue_scan(
-    target: ScanTarget, category: str, how: Fitting, keep_mesh: bool = False
+    target: ScanTarget, category: str, settings: FitSettings, keep_mesh: bool = False
 ) -> CatalogueOutcome:
     """Fit the scan of a model of the database, up axis and category given; errors of the fit go to the outcome."""
-    outcome = CatalogueOutcome(target.model_id, category, target.symmetry.name)
-    found = tried(target.scan, how, up="y", category=category)
+    truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
+    found = try_fit(target.scan, settings, up="y", category=category)
     if isinstance(found, str):
-        return CatalogueOutcome(target.model_id, category, outcome.symmetry, failure=found)
+        return CatalogueOutcome(**truth, failure=found)
     result, undeformed = moved(found.mesh, target.frame), moved(found.retrieved_mesh, target.frame)
     side = float((target.high - target.low).max())
     distance, placed = (float(Surface(mesh).distances(target.whole).mean()) / side for mesh in (result, undeformed))
-    claims = {key: value for key, value in claimed(found).items() if key != "found"}
     return CatalogueOutcome(
-        target.model_id,
-        category,
-        outcome.symmetry,
+        **truth,
         rank=_rank(found, target.model_id),
         step=found.source.step,
         yaw=yaw_error(yaw_between(found.frame.rotation, target.frame.rotation), target.symmetry),
@@ -107,7 +94,7 @@ def measure_catalogue_scan(
         undeformed_distance=placed,
         thickness=tuple(_thickness(found, target)),
         result=result if keep_mesh else None,
-        **claims,
+        **claims(found),
     )
 
 

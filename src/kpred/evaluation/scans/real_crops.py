@@ -18,10 +18,11 @@ import numpy as np
 import trimesh
 
 from kpred.errors import ConfigError, ScanError
-from kpred.evaluation.metrics.summary import ALL, Scope, Summary, finite
+from kpred.evaluation.database_source import Progress
+from kpred.evaluation.metrics.cleanliness_measures import MEASURES
+from kpred.evaluation.metrics.summary import ALL, Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans.outcomes import Fitting, claimed, tried
-from kpred.evaluation.tables.cleanliness_scores import MEASURES
+from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, claims, try_fit
 from kpred.fitting import Fit
 from kpred.ops.rotations import UP_AXES, upright_rotation
 from kpred.preprocessing.clean import clean_scan
@@ -34,8 +35,6 @@ from kpred.shapes.structure.cleanliness import Cleanliness
 NEAR_METRES = 0.04
 INDEX = "index.json"
 SPLIT = "real"
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -51,41 +50,27 @@ class Crop:
     up: str
 
 
-@dataclass(frozen=True, eq=False)
-class CropOutcome:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CropOutcome(FitOutcome):
     """What became of one crop.
 
     Attributes:
-        file, category: of the crop; points: how many it has; kept: how many cleaning keeps as the object's.
-        failure: why there is no result.
-        found: category of the result; model: id of its model; confidence, warnings, milliseconds: of the fit.
+        file: of the crop; points: how many it has; kept: how many cleaning keeps as the object's.
         distance_all, distance_kept: mean distance to the result, metres.
-        up_right: whether the up axis was found, where it was not given.
+        up_right: whether the up axis was found, if it was not given.
         step: how far the model was changed; cleanliness: what its mesh lost by that.
         tile: picture of it.
     """
 
     file: str
-    category: str
     tile: Tile
     points: int = 0
     kept: int = 0
-    failure: str | None = None
-    found: str | None = None
-    model: str | None = None
-    confidence: float | None = None
-    warnings: int = 0
-    milliseconds: float | None = None
     distance_all: float | None = None
     distance_kept: float | None = None
     up_right: bool | None = None
     step: str | None = None
     cleanliness: Cleanliness | None = None
-
-    @property
-    def category_right(self) -> bool:
-        """Whether the result is of the true category."""
-        return self.found == self.category
 
     @property
     def near(self) -> bool:
@@ -97,10 +82,9 @@ class CropOutcome:
         """Whether all points do."""
         return self.distance_all is not None and self.distance_all < NEAR_METRES
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, without the picture."""
-        facts = {key: value for key, value in self.__dict__.items() if key != "tile"}
-        return finite({**facts, "cleanliness": None if self.cleanliness is None else self.cleanliness.to_json()})
+    def facts(self) -> dict[str, Any]:
+        """See `FitOutcome`."""
+        return {"cleanliness": None if self.cleanliness is None else self.cleanliness.to_json()}
 
 
 def read_crops(folder: str | os.PathLike[str], up: str | None = None) -> list[Crop]:
@@ -136,7 +120,7 @@ def read_crops(folder: str | os.PathLike[str], up: str | None = None) -> list[Cr
     return crops
 
 
-def measure_crop(crop: Crop, how: Fitting, find_up: bool = False) -> CropOutcome:
+def measure_crop(crop: Crop, settings: FitSettings, find_up: bool = False) -> CropOutcome:
     """Fit a crop and measure the result, in metres and degrees; errors of reading and fitting go to the outcome.
 
     Args:
@@ -144,22 +128,23 @@ def measure_crop(crop: Crop, how: Fitting, find_up: bool = False) -> CropOutcome
     """
     name = crop.file.name
     try:
-        points = read_scan(crop.file, seed=how.seed).astype(np.float64)
+        points = read_scan(crop.file, seed=settings.seed).astype(np.float64)
     except ScanError as error:
         nothing = Tile((name, str(error)), "wrong", np.zeros((1, 3)))
-        return CropOutcome(name, crop.category, nothing, failure=str(error))
-    found = tried(points, how, up="auto" if find_up else crop.up)
+        return CropOutcome(file=name, category=crop.category, tile=nothing, failure=str(error))
+    found = try_fit(points, settings, up="auto" if find_up else crop.up)
     if isinstance(found, str):
         standing = points @ upright_rotation(crop.up).T
-        return CropOutcome(name, crop.category, Tile((name, found), "wrong", standing), len(points), failure=found)
-    kept = clean_scan(points, crop.up, seed=how.seed).object_points
+        nothing = Tile((name, found), "wrong", standing)
+        return CropOutcome(file=name, category=crop.category, tile=nothing, points=len(points), failure=found)
+    kept = clean_scan(points, crop.up, seed=settings.seed).object_points
     distances = Surface(found.mesh).distances(points)
     unit = found.frame.to_unit(np.asarray(found.mesh.vertices, dtype=np.float64))
     picture = Tile((), "open", found.frame.to_unit(points), trimesh.Trimesh(unit, found.mesh.faces, process=False))
     outcome = CropOutcome(
-        name,
-        crop.category,
-        picture,
+        file=name,
+        category=crop.category,
+        tile=picture,
         points=len(points),
         kept=int(kept.sum()),
         distance_all=float(distances.mean()),
@@ -167,7 +152,7 @@ def measure_crop(crop: Crop, how: Fitting, find_up: bool = False) -> CropOutcome
         up_right=_up_right(found, crop) if find_up else None,
         step=found.source.step,
         cleanliness=found.cleanliness,
-        **claimed(found),
+        **claims(found),
     )
     verdict: Verdict = "right" if outcome.near and outcome.category_right else "wrong"
     return replace(outcome, tile=replace(picture, lines=_labels(outcome), verdict=verdict))
@@ -175,7 +160,7 @@ def measure_crop(crop: Crop, how: Fitting, find_up: bool = False) -> CropOutcome
 
 def evaluate_crops(
     crops: Sequence[Crop],
-    how: Fitting,
+    settings: FitSettings,
     *,
     find_up: bool = False,
     progress: Progress | None = None,
@@ -186,11 +171,11 @@ def evaluate_crops(
     Raises:
         ScanError: there is no crop of a known category.
     """
-    known = set(how.model.categories) & set(how.database.categories())
+    known = set(settings.model.categories) & set(settings.database.categories())
     outcomes = []
     for done, crop in enumerate(crops, start=1):
         if crop.category in known:
-            outcomes.append(measure_crop(crop, how, find_up))
+            outcomes.append(measure_crop(crop, settings, find_up))
         elif report is not None:
             report(f"left out: {crop.file}: {crop.category} is not among the categories of model and database.")
         if progress is not None:

@@ -17,10 +17,11 @@ import numpy as np
 import trimesh
 
 from kpred.errors import KpredError, ScanError
-from kpred.evaluation.metrics.summary import ALL, Scope, Summary, finite
+from kpred.evaluation.database_source import Progress
+from kpred.evaluation.metrics.summary import ALL, Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
-from kpred.evaluation.scans.outcomes import Fitting, claimed
+from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, claims
 from kpred.evaluation.scans.real_crops import SPLIT
 from kpred.fitting.fit_scene import ObjectFit, fit_scene, upright
 from kpred.ops.rotations import yaw_rotation
@@ -30,22 +31,17 @@ from kpred.scenes.scan2cad import AlignedModel, compose, decompose, model_path, 
 from kpred.scenes.scene import read_scene
 from kpred.shapes.mesh_io import read_mesh
 
-MOST_RATIO = 1.2
-MOST_CENTRE_CM = 10.0
+MAX_RATIO = 1.2
+MAX_CENTRE_CM = 10.0
 ANNOTATIONS = "full_annotations.json"
 
-Progress = Callable[[str, int, int], None]
 
-
-@dataclass(frozen=True, eq=False)
-class SceneOutcome:
-    """What became of one annotated object.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneOutcome(FitOutcome):
+    """What became of one annotated object, fitted with its category given; `found` is that of a fit without it.
 
     Attributes:
-        scene, name, category: of the object, as annotated; points: how many scan points it has.
-        failure: why nothing could be measured.
-        found: category that is found when it is not told; model: id of the result's model.
-        confidence, warnings, milliseconds: of the fit, the category being told.
+        scene, name: of the object, as annotated; points: how many scan points it has.
         distance, annotated_distance: mean distance of the scan points to the result, and to the annotated CAD model, m.
         centre_cm: between the centres of the result and of the annotated CAD model.
         yaw: error in degrees up to the annotated symmetry; symmetry: its name.
@@ -54,14 +50,7 @@ class SceneOutcome:
 
     scene: str
     name: str
-    category: str
     points: int
-    failure: str | None = None
-    found: str | None = None
-    model: str | None = None
-    confidence: float | None = None
-    warnings: int = 0
-    milliseconds: float | None = None
     distance: float | None = None
     annotated_distance: float | None = None
     centre_cm: float | None = None
@@ -81,17 +70,16 @@ class SceneOutcome:
         """Whether the result is at most 1.2 times as far as the annotated CAD model, and its centre within 10 cm."""
         if self.ratio is None or self.centre_cm is None:
             return False
-        return self.ratio <= MOST_RATIO and self.centre_cm <= MOST_CENTRE_CM
+        return self.ratio <= MAX_RATIO and self.centre_cm <= MAX_CENTRE_CM
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, without the picture."""
-        facts = {key: value for key, value in self.__dict__.items() if key != "tile"}
-        return finite({**facts, "ratio": self.ratio, "passes": self.passes})
+    def facts(self) -> dict[str, Any]:
+        """See `FitOutcome`."""
+        return {"ratio": self.ratio, "passes": self.passes}
 
 
 def evaluate_scenes(
     folder: str | os.PathLike[str],
-    how: Fitting,
+    settings: FitSettings,
     annotations: str | os.PathLike[str] | None = None,
     *,
     progress: Progress | None = None,
@@ -113,23 +101,23 @@ def evaluate_scenes(
     for annotation in read_annotations(file):
         scene = read_scene(scan_of(root, annotation.id_scan))
         objects = objects_of(scene, file)
-        known = [item for item in objects if item.category in how.model.categories]
+        known = [item for item in objects if item.category in settings.model.categories]
         for item in objects:
             if item not in known and report is not None:
                 report(f"left out: {item.name}: {item.category} is not among the categories of the model.")
         if not known:
             continue
         name, total = f"{annotation.id_scan}: objects", len(objects) + len(known)
-        options: dict[str, Any] = {"top_k": how.top_k, "seed": how.seed}
+        options: dict[str, Any] = {"top_k": settings.top_k, "seed": settings.seed}
         step = _step(progress, name, 0, total)
-        told = fit_scene(scene, objects, how.model, how.database, progress=step, **options)
+        told = fit_scene(scene, objects, settings.model, settings.database, progress=step, **options)
         nameless = [replace(item, category=None) for item in known]
         step, floor = _step(progress, name, len(objects), total), told.floor or False
-        untold = fit_scene(scene, nameless, how.model, how.database, progress=step, floor=floor, **options)
+        untold = fit_scene(scene, nameless, settings.model, settings.database, progress=step, floor=floor, **options)
         pairs = zip([fit for fit in told.fits if fit.object in known], untold.fits, strict=True)
-        outcomes += [_measured(annotation.id_scan, one, two, root, how) for one, two in pairs]
+        outcomes += [_measured(annotation.id_scan, one, two, root, settings) for one, two in pairs]
     if not outcomes:
-        raise ScanError(f"{file}: it has no object of a known category ({', '.join(how.model.categories)}).")
+        raise ScanError(f"{file}: it has no object of a known category ({', '.join(settings.model.categories)}).")
     return outcomes
 
 
@@ -140,11 +128,13 @@ def scan_of(root: Path, id_scan: str) -> Path:
         ScanError: it is not there.
     """
     name = f"{id_scan}_vh_clean_2.ply"
-    tried = [folder / id_scan / name for folder in (root / "Assets" / "scannet-sample", root / "scans", root)]
-    for file in tried:
+    places = [folder / id_scan / name for folder in (root / "Assets" / "scannet-sample", root / "scans", root)]
+    for file in places:
         if file.is_file():
             return file
-    raise ScanError(f"{root}: it has no {tried[0].relative_to(root)}; give a folder laid out as Scan2CAD's repository.")
+    raise ScanError(
+        f"{root}: it has no {places[0].relative_to(root)}; give a folder laid out as Scan2CAD's repository."
+    )
 
 
 def summarise_scenes(outcomes: Sequence[SceneOutcome], dataset: str, seed: int) -> list[Summary]:
@@ -196,9 +186,9 @@ def annotated_centre(model: AlignedModel, placed: trimesh.Trimesh) -> np.ndarray
     return np.asarray(model.cad_to_scan[:3, :3] @ middle + model.cad_to_scan[:3, 3])
 
 
-def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, how: Fitting) -> SceneOutcome:
+def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, settings: FitSettings) -> SceneOutcome:
     item, model = told.object, told.object.annotation
-    outcome = SceneOutcome(scene, item.name, str(item.category), len(item.points))
+    outcome = SceneOutcome(scene=scene, name=item.name, category=str(item.category), points=len(item.points))
     if told.fit is None or model is None:
         return _failed(outcome, item, told.error or f"{item.name}: it has no annotated CAD model.")
     try:
@@ -212,7 +202,7 @@ def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, how: F
     distance = float(Surface(told.fit.mesh).distances(item.points).mean())
     centre_cm = 100 * float(np.linalg.norm(told.cad_to_scan()[:3, 3] - annotated_centre(model, placed)))
     yaw = yaw_error(yaw_between(told.fit.frame.rotation, rotation), symmetry)
-    claims = claimed(told.fit) | {"found": None if untold.fit is None else untold.fit.category}
+    said = claims(told.fit) | {"found": None if untold.fit is None else untold.fit.category}
     outcome = replace(
         outcome,
         distance=distance,
@@ -220,7 +210,7 @@ def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, how: F
         centre_cm=centre_cm,
         yaw=yaw,
         symmetry=symmetry.name,
-        **claims,
+        **said,
     )
     turned = trimesh.Trimesh(np.asarray(told.fit.mesh.vertices) @ rotation.T, told.fit.mesh.faces, process=False)
     lines = (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from kpred.evaluation.scans.outcomes import ScanOutcome
-from kpred.evaluation.scans.summaries import DOUBTED
+from kpred.evaluation.scans.scan_outcomes import ScanOutcome
+from kpred.evaluation.scans.scan_summaries import DOUBTED
 from kpred.evaluation.scans.targets import ScanTarget
 from kpred.rendering.contact_sheet import Tile, Verdict
 from kpred.training.recognition_data import OTHER

@@ -9,51 +9,52 @@ folder: the database holds the split `source` of all of them.
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from kpred.database import Database
-from kpred.errors import ConfigError, DatabaseError, MeshError, PackError
-from kpred.evaluation.header import made_by, versions
+from kpred.errors import DatabaseError, PackError
+from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, counter, database_source
+from kpred.evaluation.header import provenance, versions
 from kpred.evaluation.metrics.reliability import Reliability
-from kpred.evaluation.metrics.summary import ALL, Scope, Summary
 from kpred.evaluation.scans import targets as scan_targets
-from kpred.evaluation.scans.outcomes import NEAR, YAW_RIGHT, Fitting, ScanOutcome, measure_other, measure_scan
-from kpred.evaluation.scans.summaries import confusion, reliability_of, summarise
-from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FitSettings
+from kpred.evaluation.scans.run import (
+    ScanConfig,
+    ScannedShapes,
+    ScanReport,
+    mesh_reader,
+    run_scans,
+    shown,
+    summaries_of,
+)
+from kpred.evaluation.scans.scan_outcomes import NEAR, ScanOutcome, measure_other, measure_scan
+from kpred.evaluation.scans.scan_summaries import confusion, reliability_of, summarise
+from kpred.evaluation.scans.targets import ScanTarget
 from kpred.evaluation.scans.tiles import worst_and_typical
-from kpred.evaluation.searched import SOURCE_SPLIT, Progress, counter, searched
-from kpred.evaluation.tables.measuring import pack_files
+from kpred.evaluation.tables.packs import check_split, pack_files
 from kpred.evaluation.tables.targets import chosen_rows
 from kpred.nn import Model, load_model
-from kpred.rendering.contact_sheet import Tile
 from kpred.shapes import MeshPack
+from kpred.shapes.source import warn
 from kpred.training.recognition_data import OTHER
 
 
-@dataclass(frozen=True, eq=False)
-class ScansReport:
-    """Everything that was measured.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScansReport(ScanReport[ScanOutcome]):
+    """All that was measured.
 
     Attributes:
-        header: what it was made by.
-        summaries: of every pack, of every data set with several packs, and of all together if there are several.
         confusion: true category -> category found -> how many.
         reliability: of the confidence, other things counting as wrong; None where no result had one.
-        outcomes: (data set, outcome) of every target, failures too.
-        tiles: pictures of the worst and of some typical targets, where they were asked for.
+        tiles: pictures of the worst and of some typical targets, if they were asked for.
     """
 
-    header: dict[str, Any]
-    summaries: tuple[Summary, ...]
     confusion: dict[str, dict[str, int]]
     reliability: Reliability | None
-    outcomes: tuple[tuple[str, ScanOutcome], ...]
-    tiles: tuple[Tile, ...] = ()
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -66,122 +67,105 @@ class ScansReport:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values: header, rows, confusion, reliability, targets, failures."""
-        return {
-            "header": self.header,
-            "rows": [summary.to_json() for summary in self.summaries],
+        """Return plain values: header, rows, confusion, reliability, targets, failures."""
+        return super().to_json() | {
             "confusion": self.confusion,
             "reliability": None if self.reliability is None else asdict(self.reliability),
-            "targets": [{"dataset": dataset, **outcome.to_json()} for dataset, outcome in self.outcomes],
             "failures": list(self.failures),
         }
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, stacklevel=3)
 
 
 def evaluate_scans(
     packs: Sequence[str | os.PathLike[str]],
     model: Model | str | os.PathLike[str] | None = None,
     database: Database | str | os.PathLike[str] | None = None,
+    config: ScanConfig | None = None,
     *,
     split: str = "val",
-    limit: int | None = 40,
-    seed: int = 0,
-    top_k: int = 10,
-    worst: int = 0,
     progress: Progress | None = None,
-    report: Callable[[str], None] = _warn,
+    report: Callable[[str], None] = warn,
 ) -> ScansReport:
-    """Measure fits of virtual scans of all shapes of a split, or of `limit` of each pack, drawn by seed.
+    """Measure fits of virtual scans of all shapes of a split, or of some of each pack.
 
     Args:
         packs: files of mesh packs, or folders of them; the name of a file's folder is the name of its data set. A pack
             of the category `other` holds things that are of none of the categories.
         model: trained networks, or their name or folder; None means bundled.
         database: where to search; None builds one for every folder from the split `source` of its packs.
-        seed: of targets, scans, databases that are built, fits and intervals.
-        top_k: how many retrieved models are deformed and compared.
-        worst: how many of the worst targets get a tile of the contact sheet; half as many typical ones, and as many
-            other things, come after.
-        progress: called as the work goes on.
-        report: called with one sentence for each shape left out.
+        config: its `tiles` are the worst targets; half as many typical ones, and as many other things, come after.
+        progress: called as the work goes on; report: with one sentence for each shape left out.
 
     Raises:
         PackError: a pack is missing, damaged, or has no shapes of a needed split.
         ModelError, DatabaseError: they are missing, do not fit each other, or do not know a pack's category.
-        ConfigError: an argument has an impossible value.
     """
-    if top_k < 1:
-        raise ConfigError(f"top_k must be at least 1, but is {top_k}.")
+    plan = config or ScanConfig()
     remarks: list[str] = []
 
     def tell(sentence: str) -> None:
         remarks.append(sentence)
         report(sentence)
 
-    files = pack_files(packs)
     networks = model if isinstance(model, Model) else load_model(model)
-    loaded = {file: MeshPack.load(file) for file in files}
+    loaded = {file: MeshPack.load(file) for file in pack_files(packs)}
     for file, pack in loaded.items():
-        _check(file, pack, networks, split)
+        if pack.category != OTHER:
+            networks[pack.category]
+        check_split(file, pack, split)
     sources = {file: _sources(file, loaded, needed=database is None) for file in loaded}
-    outcomes: list[tuple[str, ScanOutcome]] = []
-    shown: list[tuple[ScanTarget, ScanOutcome]] = []
-    summaries: list[Summary] = []
     with ExitStack() as stack:
-        stores: dict[tuple[Path, ...], Database] = {}
-        for file, pack in loaded.items():
-            dataset = file.resolve().parent.name
-            if sources[file] not in stores:
-                number = sum(len(loaded[source].indices(SOURCE_SPLIT)) for source in sources[file])
-                building = counter(progress, f"{dataset}: database", number)
-                opened = searched(sources[file], networks, database, seed, building, tell)
-                stores[sources[file]] = stack.enter_context(opened)
-            _check_store(stores[sources[file]], file, pack, split, tell)
-            how = Fitting(networks, stores[sources[file]], top_k, seed)
-            name = f"{dataset}/{pack.category}: scans of {split}"
-            mine: list[ScanOutcome] = []
-            rows = chosen_rows(pack, split, limit, seed)
-            for done, target in enumerate(_targets(pack, rows, seed, tell), start=1):
-                measure = measure_other if pack.category == OTHER else measure_scan
-                mine.append(measure(target, pack.category, how, worst > 0))
-                if worst > 0:
-                    shown.append((target, mine[-1]))
-                if progress is not None:
-                    progress(name, done, len(rows))
-            if not mine:
-                raise PackError(f"{file}: no shape of the split '{split}' has a surface; choose another split.")
-            outcomes += [(dataset, outcome) for outcome in mine]
-            summaries += summarise(mine, Scope(dataset, split, pack.category, seed))
-    everyone = [outcome for _, outcome in outcomes]
+        stores = _Stores(networks, database, plan, loaded, stack, progress, tell)
+        groups = (
+            _group(file, pack, stores.of(file, sources[file]), split, plan, tell) for file, pack in loaded.items()
+        )
+        scanned = run_scans(groups, _measure, plan, progress, tell)
+    everyone = [one.outcome for one in scanned]
     return ScansReport(
-        header=_header(networks, database, split=split, limit=limit, seed=seed, top_k=top_k) | {"remarks": remarks},
-        summaries=(*summaries, *_pooled(outcomes, len(loaded), split, seed)),
+        header=_header(networks, database, split, plan) | {"remarks": remarks},
+        summaries=tuple(summaries_of(scanned, summarise, split, plan.seed)),
         confusion=confusion(everyone),
         reliability=reliability_of(everyone),
-        outcomes=tuple(outcomes),
-        tiles=tuple(worst_and_typical(shown, worst)),
+        outcomes=tuple((one.dataset, one.outcome) for one in scanned),
+        tiles=tuple(worst_and_typical(shown(scanned), plan.tiles)),
     )
 
 
-def _targets(pack: MeshPack, rows: Sequence[int], seed: int, report: Callable[[str], None]) -> Iterator[ScanTarget]:
-    for row in rows:
-        try:
-            target = make_scan_target(pack[row], str(pack.model_id[row]), seed)
-        except MeshError as error:
-            report(f"left out: {error}")
-            continue
-        yield target
+@dataclass(frozen=True, eq=False)
+class _Stores:
+    """Databases of source packs, each opened or built at first use and closed with `stack`."""
+
+    networks: Model
+    database: Database | str | os.PathLike[str] | None
+    plan: ScanConfig
+    packs: dict[Path, MeshPack]
+    stack: ExitStack
+    progress: Progress | None
+    report: Callable[[str], None]
+    opened: dict[tuple[Path, ...], FitSettings] = field(default_factory=dict)
+
+    def of(self, file: Path, sources: tuple[Path, ...]) -> FitSettings:
+        """Return the settings of fits against the source shapes of some packs."""
+        if sources not in self.opened:
+            number = sum(len(self.packs[source].indices(SOURCE_SPLIT)) for source in sources)
+            building = counter(self.progress, f"{file.resolve().parent.name}: database", number)
+            opening = database_source(sources, self.networks, self.database, self.plan.seed, building, self.report)
+            store = self.stack.enter_context(opening)
+            self.opened[sources] = FitSettings(self.networks, store, self.plan.top_k, self.plan.seed)
+        return self.opened[sources]
 
 
-def _check(file: Path, pack: MeshPack, model: Model, split: str) -> None:
-    if pack.category != OTHER:
-        model[pack.category]
-    if not len(pack.indices(split)):
-        found = ", ".join(sorted(set(pack.split.tolist()))) or "none"
-        raise PackError(f"{file}: no shape is in the split '{split}'; its splits are {found}.")
+def _group(
+    file: Path, pack: MeshPack, settings: FitSettings, split: str, plan: ScanConfig, report: Callable[[str], None]
+) -> ScannedShapes:
+    _check_store(settings.database, file, pack, split, report)
+    rows = {str(pack.model_id[row]): row for row in chosen_rows(pack, split, plan.limit, plan.seed)}
+    read = mesh_reader(pack, rows)
+    return ScannedShapes(file.resolve().parent.name, pack.category, tuple(rows), read, settings)
+
+
+def _measure(target: ScanTarget, category: str, settings: FitSettings, keep_mesh: bool) -> ScanOutcome:
+    measure = measure_other if category == OTHER else measure_scan
+    return measure(target, category, settings, keep_mesh)
 
 
 def _check_store(store: Database, file: Path, pack: MeshPack, split: str, report: Callable[[str], None]) -> None:
@@ -205,42 +189,26 @@ def _sources(file: Path, packs: dict[Path, MeshPack], needed: bool) -> tuple[Pat
     return tuple(beside or known)
 
 
-def _pooled(outcomes: Sequence[tuple[str, ScanOutcome]], packs: int, split: str, seed: int) -> Iterator[Summary]:
-    """Of every data set with several categories, then of all packs."""
-    datasets = list(dict.fromkeys(dataset for dataset, _ in outcomes))
-    for dataset in datasets:
-        mine = [outcome for name, outcome in outcomes if name == dataset]
-        if len({outcome.category for outcome in mine}) > 1 and len(datasets) > 1:
-            yield from summarise(mine, Scope(dataset, split, ALL, seed))
-    if packs > 1:
-        yield from summarise([outcome for _, outcome in outcomes], Scope(ALL, split, ALL, seed))
-
-
 def _header(
-    model: Model,
-    database: Database | str | os.PathLike[str] | None,
-    *,
-    split: str,
-    limit: int | None,
-    seed: int,
-    top_k: int,
+    model: Model, database: Database | str | os.PathLike[str] | None, split: str, plan: ScanConfig
 ) -> dict[str, Any]:
     path = database.path if isinstance(database, Database) else database
     return {
-        **made_by(model),
+        **provenance(model),
         "database": f"built from the split '{SOURCE_SPLIT}' of all packs of a folder" if path is None else str(path),
         "split": split,
-        "limit": limit,
-        "seed": seed,
-        "top_k": top_k,
+        "views": plan.views,
+        "limit": plan.limit,
+        "seed": plan.seed,
+        "top_k": plan.top_k,
         "scans": {
             "elevation_degrees": list(scan_targets.ELEVATION),
             "distance_longest_sides": list(scan_targets.DISTANCE),
-            "most_noise_half_longest_side": scan_targets.NOISE,
-            "most_outliers": scan_targets.OUTLIERS,
+            "max_noise_half_longest_side": scan_targets.NOISE,
+            "max_outliers": scan_targets.OUTLIERS,
             "outlier_box": scan_targets.OUTLIER_BOX,
             "longest_side": list(scan_targets.LONGEST_SIDE),
-            "most_offset": scan_targets.OFFSET,
+            "max_offset": scan_targets.OFFSET,
         },
         "right": f"category right, yaw within {YAW_RIGHT:g} degrees up to symmetry, whole surface nearer than {NEAR:g} "
         "unit box on average to the result",

@@ -13,12 +13,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kpred.errors import ConfigError, PackError
+from kpred.errors import ConfigError
+from kpred.evaluation.database_source import Progress, content_hash
 from kpred.evaluation.header import weights_hash
-from kpred.evaluation.searched import Progress, content_hash
 from kpred.evaluation.tables.compare import Comparison, compare_series
-from kpred.evaluation.tables.make_table import TableConfig, add_measured, header_of
-from kpred.evaluation.tables.measuring import SourcePack, pack_files
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import add_scores, header_of
+from kpred.evaluation.tables.packs import SourcePack, check_split, open_pack, pack_files
 from kpred.evaluation.tables.table import Table, merged, read_table, write_table
 from kpred.nn import Model, load_model
 from kpred.shapes import MeshPack
@@ -81,8 +82,7 @@ def make_ablation_table(
         raise ConfigError("Two packs are of one data set and category; give one pack of each.")
     for source in sources:
         for split in ("source", config.split):
-            if not len(source.pack.indices(split)):
-                raise PackError(f"{source.file}: no shape is in the split '{split}'; choose another split.")
+            check_split(source.file, source.pack, split)
     remarks: list[str] = []
 
     def tell(sentence: str) -> None:
@@ -164,6 +164,8 @@ def _measured(
 
     label = f"row {row.name}, "
     named = None if progress is None else lambda task, done, total: progress(label + task, done, total)
-    add_measured(table, source, {row.name: model}, {}, config.plan(None, baselines=False), named, tell)
+    models = {row.name: model}
+    with open_pack(source, models, {}, config, None, named, tell) as pack:
+        add_scores(table, pack, models, config, named, tell, baselines=False)
     write_table(table, file)
     return table

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.stats import wilcoxon
 
 from kpred.errors import ConfigError
+from kpred.evaluation.methods.method import NO_MODEL
 from kpred.evaluation.metrics.intervals import ratio_interval
-from kpred.evaluation.tables.table import ALL, NO_MODEL, Series, Subject, Table
+from kpred.evaluation.tables.table import ALL, Series, Subject, Table
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Comparison:
         dataset, category: of the targets; series: what was measured, without the model's name; n: number of targets.
         first, second: means of A and B; unit as in `series`.
         ratio, low, high: mean of B / mean of A, 95 % interval by paired bootstrap (None for a single target).
-        better: share of the targets where B is lower; ties count half.
+        better: fraction of the targets where B is lower; ties count half.
         p_value: of the Wilcoxon signed-rank test; 1 where all differences are zero, None for a single target.
     """
 
@@ -45,10 +46,9 @@ class Comparison:
     p_value: float | None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        found = asdict(self)
-        series = found.pop("series")
-        return {**{key: value for key, value in series.items() if key != "model"}, **found}
+        """Return plain values."""
+        series = {key: value for key, value in self.series.to_json().items() if key != "model"}
+        return {**series, **{key: value for key, value in asdict(self).items() if key != "series"}}
 
 
 def compare(first: Table, second: Table, a: str | None = None, b: str | None = None) -> list[Comparison]:

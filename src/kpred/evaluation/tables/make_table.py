@@ -1,111 +1,36 @@
 """The paper's tables on mesh packs: whole and partial shapes, how the number of candidates counts, how retrieval ranks.
 
-Each is a plan of measurements (`kpred.evaluation.tables.measuring`) whose values, target by target, become a `Table`.
-Several models stand in one table, measured on the same targets against databases of the same shapes.
+Several models and other methods stand in one table, measured on the same targets against the same shapes.
 """
 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from kpred.errors import ConfigError, PackError
-from kpred.evaluation.header import made_by, versions
-from kpred.evaluation.searched import SOURCE_SPLIT, Progress, content_hash
-from kpred.evaluation.tables.measuring import (
-    Plan,
-    SourcePack,
-    Store,
-    checked_packs,
-    measure_pack,
-    numbers,
-    pack_files,
-    steps_of,
-)
-from kpred.evaluation.tables.protocols import FULL, PARTIAL
+from kpred.errors import PackError
+from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, content_hash, counter
+from kpred.evaluation.header import provenance, versions
+from kpred.evaluation.methods.kp_red import KpRedMethod
+from kpred.evaluation.methods.method import Method
+from kpred.evaluation.methods.no_learning import NoLearningMethod
+from kpred.evaluation.methods.sources import Sources
+from kpred.evaluation.methods.whole_fit import WholeFitMethod
+from kpred.evaluation.metrics.metric import FRAME, UNIT
+from kpred.evaluation.tables.bench import Bench, check_names, prepare
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.packs import OpenPack, SourcePack, Store, checked_packs, open_pack, pack_files
 from kpred.evaluation.tables.ranking import add_rankings
-from kpred.evaluation.tables.rows import FRAME, UNIT
-from kpred.evaluation.tables.table import Series, Subject, Table
+from kpred.evaluation.tables.table import Subject, Table
 from kpred.evaluation.tables.target_lists import listed
-from kpred.fitting import RefineConfig
 from kpred.nn import Model, load_model
-from kpred.refinement.structure_config import StructureConfig
+from kpred.shapes.source import warn
 
-OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
-TOP_K = (1, 5, 10, 25)
-
-
-@dataclass(frozen=True)
-class TableConfig:
-    """What a table measures, beside its models and packs.
-
-    Attributes:
-        kind: `full`: whole shapes, CD. `partial`: shapes cut by a plane, UCD at each of `occlusions`. `topk`: whole
-            shapes, the best of each of `top_k`. `oracle`: how well retrieval ranks
-            (`kpred.evaluation.tables.ranking`), of whole shapes, and of shapes cut by a plane where there are
-            `occlusions`. `scan2cad`: see `kpred.evaluation.tables.scan2cad_table`.
-        split, limit, seed: which targets; `limit` of each pack, drawn by seed, None for all.
-        top_k: how many retrieved models are deformed and compared.
-        occlusions: shares hidden, for `partial`.
-        oracle: compare all of the database too.
-        unknown_frame: fit every target too where its frame must be found.
-        refinement: for the models and for the baseline alike; structure: of the structure-keeping deformation.
-        only: ids of the targets, where they are named (`kpred.evaluation.tables.target_lists`).
-    """
-
-    kind: str = "full"
-    split: str = "val"
-    limit: int | None = None
-    seed: int = 0
-    top_k: tuple[int, ...] = (10,)
-    occlusions: tuple[float, ...] = OCCLUSIONS
-    oracle: bool = False
-    unknown_frame: bool = False
-    refinement: RefineConfig = field(default_factory=RefineConfig)
-    structure: StructureConfig = field(default_factory=StructureConfig)
-    only: frozenset[str] | None = None
-
-    @property
-    def steps(self) -> tuple[tuple[str, float], ...]:
-        """(protocol, occlusion) of each measurement.
-
-        Raises:
-            ConfigError: an occlusion is no share that can be hidden.
-        """
-        if self.kind == "scan2cad":
-            return ((PARTIAL, 0.0),)
-        if self.kind == "oracle":
-            return (*steps_of(FULL, ()), *(steps_of(PARTIAL, self.occlusions) if self.occlusions else ()))
-        return steps_of(PARTIAL if self.kind == "partial" else FULL, self.occlusions)
-
-    def plan(self, cache: Path | None, baselines: bool = True) -> Plan:
-        """How each target is measured.
-
-        Raises:
-            ConfigError: a setting has an impossible value.
-        """
-        return Plan(
-            numbers(self.top_k),
-            self.steps,
-            self.split,
-            self.limit,
-            self.seed,
-            self.oracle,
-            self.refinement,
-            baselines=baselines,
-            unknown_frame=self.unknown_frame,
-            cache=cache,
-            only=self.only,
-            structure=self.structure,
-        )
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, stacklevel=3)
+NOTE = (
+    "values and means over instances are as defined; the numbers of the paper's tables are most likely 10^2 times these"
+)
 
 
 def make_table(
@@ -114,30 +39,31 @@ def make_table(
     config: TableConfig,
     databases: Mapping[str, Store] | None = None,
     *,
+    methods: Sequence[Method] = (),
     cache: Path | None = None,
     progress: Progress | None = None,
-    report: Callable[[str], None] = _warn,
+    report: Callable[[str], None] = warn,
 ) -> Table:
-    """Measure models on the same targets, beside what needs no model.
+    """Measure models and other methods on the same targets, beside what needs no model.
 
     Args:
         packs: files of mesh packs, or folders of them; the name of a file's folder is the name of its data set.
         models: by the name that they have in the table; a model, or its name or folder.
         databases: of models that shall not search the pack's split `source`.
+        methods: others than this package's; they search the pack's split `source`.
         cache: folder that keeps the databases that are built, for the next table.
         report: called with one sentence for each shape left out; the header keeps them as well.
 
     Raises:
         PackError: a pack is missing, damaged, or has no shapes of a needed split.
         ModelError, DatabaseError: they are missing, do not fit each other, or do not know a pack's category.
-        ConfigError: a setting has an impossible value.
+        ConfigError: a setting has an impossible value, or two models or methods have one name.
     """
     stores = dict(databases or {})
-    plan = config.plan(cache)
+    check_names([*models, *(method.name for method in methods)])
     loaded = loaded_models(models)
-    sources = checked_packs(
-        pack_files(packs), list(loaded.values()), config.split, any(stores.get(name) is None for name in loaded)
-    )
+    needs_source = bool(methods) or any(stores.get(name) is None for name in loaded)
+    sources = checked_packs(pack_files(packs), list(loaded.values()), config.split, needs_source)
     remarks: list[str] = []
 
     def tell(sentence: str) -> None:
@@ -145,15 +71,69 @@ def make_table(
         report(sentence)
 
     sources = _named_in(sources, config, tell)
-    table = Table(header_of(loaded, sources, config, stores) | {"remarks": remarks})
-    add = add_rankings if config.kind == "oracle" else add_measured
+    table = Table(header_of(loaded, sources, config, stores, methods) | {"remarks": remarks})
+    sizes = table.header["database_models"] = {}
     for source, facts in zip(sources, table.header["data"], strict=True):
-        facts["searched"] = add(table, source, loaded, stores, plan, progress, tell)
+        with open_pack(source, loaded, stores, config, cache, progress, tell) as pack:
+            facts["searched"], sizes[source.name] = pack.sources.digest, len(pack.sources)
+            if config.kind == "oracle":
+                add_rankings(table, pack, loaded, config, progress)
+            else:
+                add_scores(table, pack, loaded, config, progress, tell, methods)
     return table
 
 
+def add_scores(
+    table: Table,
+    pack: OpenPack,
+    models: Mapping[str, Model],
+    config: TableConfig,
+    progress: Progress | None,
+    report: Callable[[str], None],
+    methods: Sequence[Method] = (),
+    baselines: bool = True,
+) -> None:
+    """Put the scores of one pack's targets into a table.
+
+    Args:
+        methods: others than models; baselines: whether what needs no model is measured.
+        report: called with one sentence for each fit without a result.
+    """
+    source = pack.source
+    making = counter(progress, f"{source.name}: baseline", len(pack.sources))
+    first: list[Method] = [NoLearningMethod(config.refinement, making)] if baselines else []
+    searchers = prepare([*first, *methods_of(models, config, report)], pack.sources)
+    # Part-wise methods need meshes, which the sources of a database lack.
+    own = pack.sources if pack.sources.meshes or not methods else _sources_of(source, config)
+    searchers += prepare(list(methods), own)
+    bench = Bench(tuple(searchers), pack.sources if baselines else None, config.numbers, config.oracle)
+    for done, target in enumerate(pack.targets, start=1):
+        subject = Subject(source.dataset, pack.category, target.model_id)
+        for condition in config.conditions:
+            for series, value in bench.score(target, condition, condition.cloud(target)):
+                table.add(series, subject, value)
+        if progress is not None:
+            progress(f"{source.name}: {config.split}", done, len(pack.targets))
+
+
+def methods_of(models: Mapping[str, Model], config: TableConfig, report: Callable[[str], None]) -> list[Method]:
+    """List the methods of models: KP-RED of each, then whole fits of each if the frame shall be found."""
+    kp_red: list[Method] = [
+        KpRedMethod(name, model, config.refinement, config.structure) for name, model in models.items()
+    ]
+    whole: list[Method] = [
+        WholeFitMethod(name, model, config.seed, config.refinement, config.structure, report)
+        for name, model in models.items()
+    ]
+    return kp_red + (whole if config.unknown_frame else [])
+
+
+def _sources_of(source: SourcePack, config: TableConfig) -> Sources:
+    return Sources.of_pack(source.pack, str(source.file), config.seed, lambda sentence: None)
+
+
 def _named_in(sources: list[SourcePack], config: TableConfig, report: Callable[[str], None]) -> list[SourcePack]:
-    """The packs that have a named target; names that no pack has are counted and listed."""
+    """List the packs that have a named target; names that no pack has are counted and reported."""
     if config.only is None:
         return sources
     there = [set(one.pack.model_id[one.pack.indices(config.split)].tolist()) & config.only for one in sources]
@@ -166,43 +146,23 @@ def _named_in(sources: list[SourcePack], config: TableConfig, report: Callable[[
     return found
 
 
-def add_measured(
-    table: Table,
-    source: SourcePack,
-    models: Mapping[str, Model],
-    databases: Mapping[str, Store],
-    plan: Plan,
-    progress: Progress | None,
-    report: Callable[[str], None],
-) -> str:
-    """Put the scores of one pack's targets into a table; returns a hash of what was searched."""
-    found = measure_pack(source, models, databases, plan, progress, report)
-    for target in found:
-        subject = Subject(source.dataset, source.pack.category, target.model_id)
-        for model, score in target.scores:
-            series = Series(
-                model, score.metric, score.protocol, score.occlusion, score.distance, score.top_k, score.unit
-            )
-            table.add(series, subject, score.value)
-    return found[0].searched
-
-
 def loaded_models(models: Mapping[str, Model | str | os.PathLike[str] | None]) -> dict[str, Model]:
-    """Models by name; names and folders are loaded.
+    """Load models that are given by name or folder.
 
     Raises:
-        ConfigError: there is none, or one has no name.
         ModelError: one cannot be loaded.
     """
-    if not models or not all(models):
-        raise ConfigError("A table needs at least one model, and a name for each; give NAME=FOLDER.")
     return {name: model if isinstance(model, Model) else load_model(model) for name, model in models.items()}
 
 
 def header_of(
-    models: Mapping[str, Model], packs: Sequence[SourcePack], config: TableConfig, databases: Mapping[str, Store]
+    models: Mapping[str, Model],
+    packs: Sequence[SourcePack],
+    config: TableConfig,
+    databases: Mapping[str, Store],
+    methods: Sequence[Method] = (),
 ) -> dict[str, Any]:
-    """What a table is made by, as plain values.
+    """Describe what a table is made by, as plain values.
 
     `protocol` and `data` are what two tables must have in common to be compared.
     """
@@ -211,9 +171,12 @@ def header_of(
         "seed": config.seed,
         "unit": UNIT,
         "frame": FRAME,
-        "models": {name: made_by(model) for name, model in models.items()},
+        "models": {
+            **{name: provenance(model) for name, model in models.items()},
+            **{method.name: method.provenance for method in methods},
+        },
         "databases": {name: _searched(databases.get(name)) for name in models},
-        "protocol": protocol_of(config),
+        "protocol": config.to_json(),
         "data": [
             {
                 "dataset": pack.dataset,
@@ -225,20 +188,9 @@ def header_of(
             }
             for pack in packs
         ],
-        "note": "values and means over instances are as defined; the numbers of the paper's tables are most likely "
-        "10^2 times these",
+        "note": NOTE,
         "versions": versions(),
     }
-
-
-def protocol_of(config: TableConfig) -> dict[str, Any]:
-    """All settings that a value depends on, beside model and data."""
-    values = asdict(config)
-    values["top_k"], values["occlusions"] = list(config.top_k), list(config.occlusions)
-    values["only"] = None if config.only is None else sorted(config.only)
-    if config.kind in ("full", "topk", "scan2cad"):
-        values.pop("occlusions")
-    return values
 
 
 def _searched(database: Store) -> str:

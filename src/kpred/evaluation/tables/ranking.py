@@ -1,14 +1,14 @@
 """How well retrieval ranks: does the order by tokens foretell the order of errors after deformation and refinement?
 
 For each target all of the database is deformed and refined to the end, not only what retrieval would have tried. The
-true best is the model of the lowest error then. Orders that are judged: by token distance (what a fit goes by), by the
-error after feed-forward deformation (what a fit could go by at the cost of deforming everything, or of deforming the
+true best is the model of the lowest error then. Orders: by token distance (as a fit), by the error
+after feed-forward deformation (what a fit could go by at the cost of deforming everything, or of deforming the
 100 nearest by tokens), and by the distance of the undeformed shape (which needs no network).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,15 +16,17 @@ import torch
 from scipy.stats import rankdata
 from torch import Tensor
 
-from kpred.evaluation.searched import Progress
-from kpred.evaluation.tables.baselines import CHUNK, undeformed_errors
-from kpred.evaluation.tables.measuring import OpenPack, Plan, SourcePack, Store, open_pack
-from kpred.evaluation.tables.protocols import PARTIAL
-from kpred.evaluation.tables.rows import CD, UCD, UNIT
+from kpred.evaluation.database_source import Progress
+from kpred.evaluation.methods.method import FEED_FORWARD, REFINED
+from kpred.evaluation.metrics.cloud_errors import CHUNK, cloud_errors
+from kpred.evaluation.metrics.metric import CD, FRACTION, NO_UNIT, SEEN, UCD, Metric
+from kpred.evaluation.tables.bench import Condition
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.packs import OpenPack
 from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve
-from kpred.fitting.encoding import encode_scan
+from kpred.fitting.encoding import observe
 from kpred.nn import KPRed, Model
 from kpred.ops.typing import Float
 
@@ -34,8 +36,6 @@ PREFETCH = 100
 
 TRUE_BEST, NEARLY_BEST = "true_best_in_top", "within_5_percent_of_best_in_top"
 RANK, CORRELATION = "rank_of_true_best", "spearman"
-REFINED, FEED_FORWARD = "refined", "feed_forward"
-SHARE, NO_UNIT = "share", "1"
 
 NEARLY = 1.05
 """Errors that differ by no more are equal: another sample of the same surfaces would change as much."""
@@ -94,10 +94,9 @@ def rank(
 ) -> Ranking:
     """Deform and refine all of a database to one target (unit box, known frame)."""
     store = pack.stores[model_name]
-    everything = len(pack.baseline.points)
-    found = retrieve(encode_scan(cloud[None], network, partial), 0, store, pack.category, everything, partial)
-    place = {name: row for row, name in enumerate(pack.baseline.model_ids)}
-    undeformed = undeformed_errors(cloud, pack.baseline.points, partial).numpy()
+    found = retrieve(observe(cloud[None], network, partial), 0, store, pack.category, len(pack.sources), partial)
+    place = {name: row for row, name in enumerate(pack.sources.model_ids)}
+    undeformed = cloud_errors(cloud, pack.sources.points, partial).numpy()
     return Ranking(
         token_distance=np.asarray(found.distances),
         feed_forward=_errors(found, None),
@@ -115,54 +114,37 @@ def _errors(candidates: Candidates, refinement: RefineConfig | None) -> np.ndarr
 
 
 def add_rankings(
-    table: Table,
-    source: SourcePack,
-    models: Mapping[str, Model],
-    databases: Mapping[str, Store],
-    plan: Plan,
-    progress: Progress | None,
-    report: Callable[[str], None],
-) -> str:
-    """Put the rankings of one pack's targets into a table; returns a hash of what was searched.
-
-    Raises:
-        PackError, DatabaseError, ConfigError: see `kpred.evaluation.tables.measuring.open_pack`.
-    """
-    quiet = replace(plan, baselines=False)
-    with open_pack(source, models, databases, quiet, progress, report) as pack, torch.inference_mode():
-        total = len(pack.targets) * len(plan.steps) * len(models)
+    table: Table, pack: OpenPack, models: Mapping[str, Model], config: TableConfig, progress: Progress | None
+) -> None:
+    """Put the rankings of one pack's targets into a table."""
+    with torch.inference_mode():
+        total = len(pack.targets) * len(config.conditions) * len(models)
         done = 0
         for target in pack.targets:
-            subject = Subject(source.dataset, pack.category, target.model_id)
-            for protocol, occlusion in plan.steps:
-                partial = protocol == PARTIAL
-                cloud = target.visible(occlusion) if partial else target.points
+            subject = Subject(pack.source.dataset, pack.category, target.model_id)
+            for condition in config.conditions:
+                cloud = condition.cloud(target)
                 for name, model in models.items():
-                    ranking = rank(cloud, pack, name, model[pack.category], plan.refinement, partial)
-                    where = Series(name, "", protocol, occlusion, UCD if partial else CD, None)
-                    for series, value in scores_of(ranking, where, plan.top_k):
+                    ranking = rank(cloud, pack, name, model[pack.category], config.refinement, condition.partial)
+                    for series, value in scores_of(ranking, name, condition, config.numbers):
                         table.add(series, subject, value)
                     done += 1
                     if progress is not None:
-                        progress(f"{pack.name}: all of the database", done, total)
-        return pack.searched
+                        progress(f"{pack.source.name}: all of the database", done, total)
 
 
-def scores_of(ranking: Ranking, where: Series, top_k: Sequence[int]) -> list[tuple[Series, float]]:
-    """What a table holds of one ranking; `where` says of which model and protocol."""
-    found: list[tuple[Series, float]] = []
+def scores_of(ranking: Ranking, model: str, condition: Condition, top_k: Sequence[int]) -> list[tuple[Series, float]]:
+    """List what a table holds of one ranking: how each order ranks, and the best errors of the order by tokens."""
+    found: list[tuple[str, Metric, float]] = []
     for order in ORDERS:
         place = ranking.rank_of_best(order)
         for k in top_k:
-            hit = replace(where, method=f"{TRUE_BEST}_by_{order}", top_k=k, unit=SHARE)
-            found.append((hit, float(place <= k)))
-            near = replace(where, method=f"{NEARLY_BEST}_by_{order}", top_k=k, unit=SHARE)
-            found.append((near, float(ranking.nearly_best_in(order, k))))
-        correlation = replace(where, method=f"{CORRELATION}_by_{order}", unit=NO_UNIT)
-        found.append((correlation, ranking.correlation(order)))
-        found.append((replace(where, method=f"{RANK}_by_{order}", unit=NO_UNIT), float(place)))
+            found.append((order, Metric(TRUE_BEST, SEEN, FRACTION, k), float(place <= k)))
+            found.append((order, Metric(NEARLY_BEST, SEEN, FRACTION, k), float(ranking.nearly_best_in(order, k))))
+        found.append((order, Metric(CORRELATION, SEEN, NO_UNIT), ranking.correlation(order)))
+        found.append((order, Metric(RANK, SEEN, NO_UNIT), float(place)))
+    error = UCD if condition.partial else CD
     for method, errors in ((FEED_FORWARD, ranking.feed_forward), (REFINED, ranking.refined)):
-        for k in top_k:
-            found.append((replace(where, method=method, top_k=k, unit=UNIT), float(errors[:k].min())))
-        found.append((replace(where, method=method, unit=UNIT), float(errors.min())))
-    return found
+        found += [(method, Metric(error, top_k=k), float(errors[:k].min())) for k in top_k]
+        found.append((method, Metric(error), float(errors.min())))
+    return [(condition.series(model, method, metric), value) for method, metric, value in found]

@@ -12,27 +12,31 @@ import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from kpred.database import Database
 from kpred.errors import KpredError, ScanError
-from kpred.evaluation.header import made_by, versions
-from kpred.evaluation.scans.outcomes import moved
+from kpred.evaluation.database_source import Progress, content_hash, counter, database_source
+from kpred.evaluation.header import provenance, versions
+from kpred.evaluation.methods.method import Method
+from kpred.evaluation.methods.no_learning import NoLearningMethod
+from kpred.evaluation.methods.sources import Sources
+from kpred.evaluation.methods.whole_fit import UNKNOWN_FRAME, sample_mesh
+from kpred.evaluation.metrics.metric import FRAME, UCD, UNIT, WHOLE, Metric
+from kpred.evaluation.scans.outcome import moved
 from kpred.evaluation.scans.scenes import ANNOTATIONS, annotated_mesh, annotated_rotation, scan_of
-from kpred.evaluation.searched import Progress, content_hash, counter, searched
-from kpred.evaluation.tables.baselines import NoLearning
-from kpred.evaluation.tables.frame_protocol import UNKNOWN_FRAME, sampled
-from kpred.evaluation.tables.make_table import TableConfig, loaded_models, protocol_of
-from kpred.evaluation.tables.measuring import Plan, Store, check_same_shapes, pack_files
-from kpred.evaluation.tables.protocols import PARTIAL, Bench, measure_cloud
-from kpred.evaluation.tables.rows import FRAME, UCD, UCD_WHOLE, UNIT, WHOLE
-from kpred.evaluation.tables.table import NO_MODEL, Series, Subject, Table
+from kpred.evaluation.tables.bench import FLOOR, PARTIAL, Bench, Condition, check_names, prepare
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import NOTE, loaded_models, methods_of
+from kpred.evaluation.tables.packs import Store, check_same_shapes, pack_files
+from kpred.evaluation.tables.table import Subject, Table
 from kpred.evaluation.tables.targets import Target
-from kpred.fitting.defaults import resolve_database
+from kpred.fitting.defaults import as_database
 from kpred.fitting.fit_scene import fit_scene
 from kpred.fitting.stages import SCAN_POINTS
 from kpred.nn import Model
@@ -42,7 +46,8 @@ from kpred.scenes.scan2cad import SceneAnnotation, read_annotations
 from kpred.scenes.scene import Scene, read_scene
 
 ANNOTATED = "annotated_cad"
-FEWEST_POINTS = 64
+MIN_POINTS = 64
+SEEN_SCAN = Condition(PARTIAL)
 
 
 def make_scan2cad_table(
@@ -68,8 +73,8 @@ def make_scan2cad_table(
         ModelError, DatabaseError, PackError: what is searched is missing, or does not fit a model.
         ConfigError: the databases of the models hold different shapes.
     """
+    check_names(list(models))
     loaded, stores = loaded_models(models), dict(databases or {})
-    plan = config.plan(cache)
     remarks: list[str] = []
 
     def tell(sentence: str) -> None:
@@ -80,42 +85,64 @@ def make_scan2cad_table(
     for root in roots:
         read_annotations(root / ANNOTATIONS)
     files = pack_files(source) if source else []
-    header = {
-        "table": config.kind,
-        "seed": config.seed,
-        "unit": UNIT,
-        "frame": FRAME,
-        "models": {name: made_by(model) for name, model in loaded.items()},
-        "protocol": protocol_of(config),
-        "data": [{"dataset": root.resolve().name, "sha256": content_hash(root / ANNOTATIONS)} for root in roots],
-        "note": "the numbers of the paper's tables are most likely 10^2 times these",
-        "versions": versions(),
-        "remarks": remarks,
-    }
-    table = Table(header)
+    table = Table(_header(loaded, roots, config) | {"remarks": remarks})
     with ExitStack() as stack:
         opened: dict[str, Database] = {}
         for name, model in loaded.items():
             building = counter(progress, f"database of {name}", 0)
-            given = stores.get(name) if name in stores or files else resolve_database(None)
-            searching = searched(files, model, given, config.seed, building, tell, cache=cache)
+            given = stores.get(name) if name in stores or files else as_database(None)
+            searching = database_source(files, model, given, config.seed, building, tell, cache=cache)
             opened[name] = stack.enter_context(searching)
-        header["databases"] = {name: str(store.path) for name, store in opened.items()}
-        bench = _Benches(loaded, opened, plan)
+        table.header["databases"] = {name: str(store.path) for name, store in opened.items()}
+        benches = _Benches(loaded, opened, config, tell)
         for root in roots:
             for annotation in _annotations(root, tell):
-                _add_scene(table, root, annotation, bench, progress, tell)
+                _add_scene(table, root, annotation, benches, progress, tell)
     if not table.values:
         raise ScanError(f"{roots[0]}: no annotated object of a known category could be measured; {' '.join(remarks)}")
     return table
 
 
-class _Benches:
-    """Of each category: the baselines and every model, made when they are asked for."""
+def _header(models: Mapping[str, Model], roots: Sequence[Path], config: TableConfig) -> dict[str, Any]:
+    return {
+        "table": config.kind,
+        "seed": config.seed,
+        "unit": UNIT,
+        "frame": FRAME,
+        "models": {name: provenance(model) for name, model in models.items()},
+        "protocol": config.to_json(),
+        "data": [{"dataset": root.resolve().name, "sha256": content_hash(root / ANNOTATIONS)} for root in roots],
+        "note": NOTE,
+        "versions": versions(),
+    }
 
-    def __init__(self, models: Mapping[str, Model], stores: Mapping[str, Database], plan: Plan) -> None:
-        self.models, self.stores, self.plan = models, stores, plan
-        self._of: dict[str, list[tuple[str, Bench]]] = {}
+
+@dataclass(frozen=True, eq=False)
+class _Annotated:
+    """A scanned object: the annotated CAD model as target, its scan points, both in its unit box; and that box."""
+
+    item: SceneObject
+    target: Target
+    cloud: torch.Tensor
+    frame: Frame
+
+    def subject(self, root: Path) -> Subject:
+        """Name it in a table."""
+        return Subject(root.resolve().name, str(self.item.category), self.target.model_id)
+
+
+class _Benches:
+    """The bench of each category, made at first use."""
+
+    def __init__(
+        self,
+        models: Mapping[str, Model],
+        stores: Mapping[str, Database],
+        config: TableConfig,
+        report: Callable[[str], None],
+    ) -> None:
+        self.models, self.stores, self.config, self.report = models, stores, config, report
+        self._of: dict[str, Bench] = {}
 
     def knows(self, category: str | None) -> bool:
         """Whether all models and databases do."""
@@ -124,30 +151,15 @@ class _Benches:
             for name, model in self.models.items()
         )
 
-    def of(self, category: str) -> list[tuple[str, Bench]]:
-        """Baselines under no name, then models; raises ConfigError where their databases differ."""
+    def of(self, category: str) -> Bench:
+        """Return the bench of a category; raises ConfigError where the databases differ."""
         if category not in self._of:
             check_same_shapes(self.stores, category)
-            arrays = next(iter(self.stores.values())).candidates(category)
-            baseline = NoLearning.build(arrays.model_ids, category, torch.from_numpy(arrays.points))
-            plan = self.plan
-            benches = [
-                (
-                    name,
-                    Bench(
-                        model,
-                        self.stores[name],
-                        baseline,
-                        plan.top_k,
-                        plan.refinement,
-                        plan.structure,
-                        baselines=False,
-                    ),
-                )
-                for name, model in self.models.items()
-            ]
-            alone = replace(benches[0][1], baselines=True, learned=False)
-            self._of[category] = [(NO_MODEL, alone), *benches]
+            sources = Sources.of_databases(category, self.models, self.stores)
+            first: list[Method] = [NoLearningMethod(self.config.refinement)]
+            methods = methods_of(self.models, replace(self.config, unknown_frame=False), self.report)
+            searchers = prepare([*first, *methods], sources)
+            self._of[category] = Bench(tuple(searchers), sources, self.config.numbers)
         return self._of[category]
 
 
@@ -178,34 +190,29 @@ def _add_scene(
     report: Callable[[str], None],
 ) -> None:
     scene = read_scene(scan_of(root, annotation.id_scan))
-    objects = objects_of(scene, root / ANNOTATIONS)
-    usable: list[tuple[SceneObject, Target, torch.Tensor, Frame]] = []
-    for item in objects:
+    usable: list[_Annotated] = []
+    for item in objects_of(scene, root / ANNOTATIONS):
         name = f"{annotation.id_scan} {item.name}"
         if not benches.knows(item.category):
             report(f"left out: {name}: {item.category} is not among the categories of the models.")
         elif item.problem is not None:
             report(f"left out: {annotation.id_scan} {item.problem}")
-        elif len(item.points) < FEWEST_POINTS:
+        elif len(item.points) < MIN_POINTS:
             report(f"left out: {name}: it has only {len(item.points)} scan points.")
         else:
             try:
-                usable.append((item, *_target(item, root, name, benches.plan.seed)))
+                usable.append(_annotated(item, root, name, benches.config.seed))
             except (KpredError, ValueError) as error:
                 report(f"left out: {name}: {error}")
-    total = len(usable) * (1 + len(benches.models) * benches.plan.unknown_frame)
-    for done, (item, target, cloud, _) in enumerate(usable, start=1):
-        subject = Subject(root.resolve().name, str(item.category), target.model_id)
-        with torch.inference_mode():
-            for name, bench in benches.of(str(item.category)):
-                for score in measure_cloud(cloud, target, bench, PARTIAL, 0.0):
-                    # Distance of the scan to a sample of the annotated model.
-                    method = ANNOTATED if score.metric == "sampling_floor" else score.metric
-                    series = replace(_series(name, method, score.distance, score.top_k), unit=score.unit)
-                    table.add(series, subject, score.value)
+    total = len(usable) * (1 + len(benches.models) * benches.config.unknown_frame)
+    for done, one in enumerate(usable, start=1):
+        for series, value in benches.of(str(one.item.category)).score(one.target, SEEN_SCAN, one.cloud):
+            # Distance of the scan to a sample of the annotated model.
+            method = ANNOTATED if series.method == FLOOR else series.method
+            table.add(replace(series, method=method), one.subject(root), value)
         if progress is not None:
             progress(f"{annotation.id_scan}: objects", done, total)
-    if benches.plan.unknown_frame:
+    if benches.config.unknown_frame:
         _add_unknown(table, root, scene, usable, benches, report)
 
 
@@ -213,35 +220,30 @@ def _add_unknown(
     table: Table,
     root: Path,
     scene: Scene,
-    usable: Sequence[tuple[SceneObject, Target, torch.Tensor, Frame]],
+    usable: Sequence[_Annotated],
     benches: _Benches,
     report: Callable[[str], None],
 ) -> None:
     """Fits of the whole scene, as `kpred scene` makes them."""
-    top_k = max(benches.plan.top_k)
+    top_k, seed = max(benches.config.top_k), benches.config.seed
     for name, model in benches.models.items():
-        objects = [item for item, *_ in usable]
-        fitted = fit_scene(scene, objects, model, benches.stores[name], top_k=top_k, seed=benches.plan.seed)
-        for (item, target, cloud, frame), one in zip(usable, fitted.fits, strict=True):
-            if one.fit is None:
-                report(f"no result: {target.model_id}, {UNKNOWN_FRAME}: {one.error}")
+        objects = [one.item for one in usable]
+        fitted = fit_scene(scene, objects, model, benches.stores[name], top_k=top_k, seed=seed)
+        for one, found in zip(usable, fitted.fits, strict=True):
+            if found.fit is None:
+                report(f"no result: {one.target.model_id}, {UNKNOWN_FRAME}: {found.error}")
                 continue
-            subject = Subject(root.resolve().name, str(item.category), target.model_id)
-            result = sampled(moved(one.fit.mesh, frame), SCAN_POINTS, benches.plan.seed)
-            for method, distance, points in (
-                (UNKNOWN_FRAME, UCD, cloud),
-                (UNKNOWN_FRAME + WHOLE, UCD_WHOLE, target.points),
+            result = sample_mesh(moved(found.fit.mesh, one.frame), SCAN_POINTS, seed)
+            for metric, points in (
+                (Metric(UCD, top_k=top_k), one.cloud),
+                (Metric(UCD, WHOLE, top_k=top_k), one.target.points),
             ):
                 error = float(torch.cdist(points, result).min(1).values.square().mean())
-                table.add(_series(name, method, distance, top_k), subject, error)
+                table.add(SEEN_SCAN.series(name, UNKNOWN_FRAME, metric), one.subject(root), error)
 
 
-def _series(model: str, method: str, distance: str, top_k: int | None) -> Series:
-    return Series(model, method, PARTIAL, 0.0, distance, top_k)
-
-
-def _target(item: SceneObject, root: Path, name: str, seed: int) -> tuple[Target, torch.Tensor, Frame]:
-    """The annotated CAD model as a target, the object's scan points, both in its unit box; and that box.
+def _annotated(item: SceneObject, root: Path, name: str, seed: int) -> _Annotated:
+    """Make a target of an object's annotated CAD model.
 
     Raises:
         MeshError: the model's file is missing or broken.
@@ -254,7 +256,7 @@ def _target(item: SceneObject, root: Path, name: str, seed: int) -> tuple[Target
     frame = unit_box_frame(used, annotated_rotation(item.annotation))
     mesh = moved(placed, frame)
     checksum = zlib.crc32(f"{seed} {name}".encode())
-    points, again = sampled(mesh, SCAN_POINTS, checksum), sampled(mesh, SCAN_POINTS, checksum + 1)
+    points, again = sample_mesh(mesh, SCAN_POINTS, checksum), sample_mesh(mesh, SCAN_POINTS, checksum + 1)
     order = np.random.default_rng(checksum).permutation(len(item.points))[:SCAN_POINTS]
     cloud = torch.from_numpy(frame.to_unit(item.points[order]).astype(np.float32))
-    return Target(name, points, again, torch.tensor([1.0, 0.0, 0.0])), cloud, frame
+    return _Annotated(item, Target(name, points, again, torch.tensor([1.0, 0.0, 0.0])), cloud, frame)

@@ -1,7 +1,7 @@
 """What a table is made of: one value for each target and series, and cells with means and intervals over the targets.
 
-A series is one way to measure: a model (or none), a method, a protocol with its occlusion, a distance and a number of
-candidates. Its values belong to the targets one by one, so that two series can be compared in pairs.
+A series is one way to measure: a model (or none), a method, a protocol with its occlusion, and a metric. Its values
+belong to the targets one by one, so that two series can be compared in pairs.
 """
 
 from __future__ import annotations
@@ -17,17 +17,15 @@ from typing import Any
 
 from kpred.atomic import check_place, write_together
 from kpred.errors import OutputError, PackError
-from kpred.evaluation.metrics.intervals import Interval, mean_interval, ratio_interval, share_interval
-from kpred.evaluation.metrics.summary import finite
-from kpred.evaluation.tables.rows import UNIT, percentile_95
+from kpred.evaluation.metrics.intervals import Interval, mean_interval, percentile_95, ratio_interval, share_interval
+from kpred.evaluation.metrics.metric import FRACTION, Metric
+from kpred.evaluation.tables.former_table import series_of_version_1
+from kpred.json_output import json_text, plain
 
 ALL = "all"
 """Category of a data set's targets taken together."""
 
-NO_MODEL = ""
-"""Model of what needs none."""
-
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True, order=True)
@@ -44,24 +42,34 @@ class Series:
     """One way to measure.
 
     Attributes:
-        model: name of the model in this table; empty for what needs none.
-        method: what was done, as `refined`; see `kpred.evaluation.tables.protocols`.
-        protocol, occlusion, distance, top_k: see `kpred.evaluation.tables.rows.Score`.
-        unit: of the values; `share` for values that are 0 or 1.
+        model: name of the model or method in this table; empty for what needs none.
+        method: what was done, as `refined`; see `kpred.evaluation.methods` and `kpred.evaluation.tables.bench`.
+        protocol: `full` or `partial`; occlusion: fraction of the target's points that were hidden.
+        metric: what was measured.
     """
 
     model: str
     method: str
     protocol: str
     occlusion: float
-    distance: str
-    top_k: int | None
-    unit: str = UNIT
+    metric: Metric
 
     @property
     def is_error(self) -> bool:
         """Whether the values are distances of results from targets, unit box squared."""
-        return self.unit == UNIT
+        return self.metric.is_error
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values; those of the metric stand beside the others, its name as `metric`."""
+        values = {key: value for key, value in asdict(self).items() if key != "metric"}
+        metric = asdict(self.metric)
+        return {**values, "metric": metric.pop("name"), **metric}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Series:
+        """Undo `to_json`."""
+        metric = Metric(values["metric"], values["surface"], values["unit"], values["top_k"])
+        return cls(values["model"], values["method"], values["protocol"], values["occlusion"], metric)
 
 
 @dataclass(frozen=True)
@@ -148,16 +156,16 @@ class Table:
                         yield cell
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values: header, rows (cells), targets, and the values of each series in the order of the targets."""
+        """Return plain values: header, rows (cells), targets, and the values of each series, target by target."""
         subjects = self.subjects()
-        return finite(
+        return plain(
             {
                 "version": VERSION,
                 "header": self.header,
                 "rows": [_flat(cell) for cell in self.cells()],
                 "targets": [asdict(subject) for subject in subjects],
                 "series": [
-                    {**asdict(series), "values": [values.get(subject) for subject in subjects]}
+                    {**series.to_json(), "values": [values.get(subject) for subject in subjects]}
                     for series, values in self.values.items()
                 ],
             }
@@ -178,13 +186,13 @@ def read_table(path: str | Path) -> Table:
     except ValueError as error:
         raise PackError(f"{file}: it is not valid JSON (damaged or cut short); make the table again.") from error
     try:
-        if read["version"] != VERSION:
+        if read["version"] not in (1, VERSION):
             raise PackError(f"{file}: it is a table of another version of kpred; make it again with this one.")
         subjects = [Subject(**item) for item in read["targets"]]
         table = Table(dict(read["header"]))
         for item in read["series"]:
             values = item.pop("values")
-            series = Series(**item)
+            series = Series.from_json(item if read["version"] == VERSION else series_of_version_1(item))
             for subject, value in zip(subjects, values, strict=True):
                 if value is not None:
                     table.add(series, subject, float(value))
@@ -219,14 +227,14 @@ def write_table(table: Table, path: str | Path) -> tuple[Path, ...]:
     whole, cells, targets = table_files(path)
     value = table.to_json()
     by_target = [
-        {**asdict(subject), **asdict(series), "value": one}
+        {**asdict(subject), **series.to_json(), "value": one}
         for series, values in table.values.items()
         for subject, one in values.items()
     ]
     texts = {
-        whole: json.dumps(value, indent=1, allow_nan=False) + "\n",
+        whole: json_text(value, indent=1),
         cells: _csv(value["rows"]),
-        targets: _csv(finite(by_target)),
+        targets: _csv(plain(by_target)),
     }
     write_together({file: _writer(text) for file, text in texts.items()})
     return tuple(texts)
@@ -245,12 +253,16 @@ def _interval(series: Series, values: Sequence[float], seed: int) -> Interval:
     finite_values = [value for value in values if math.isfinite(value)]
     if len(finite_values) < len(values):
         return Interval(math.inf, None, None)
-    return share_interval([value > 0 for value in values]) if series.unit == "share" else mean_interval(values, seed)
+    return (
+        share_interval([value > 0 for value in values])
+        if series.metric.unit == FRACTION
+        else mean_interval(values, seed)
+    )
 
 
 def _flat(cell: Cell) -> dict[str, Any]:
-    found = asdict(cell)
-    return {"dataset": cell.dataset, "category": cell.category, **found.pop("series"), **found}
+    found = {key: value for key, value in asdict(cell).items() if key != "series"}
+    return {"dataset": cell.dataset, "category": cell.category, **cell.series.to_json(), **found}
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:

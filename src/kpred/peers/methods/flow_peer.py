@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from kpred.evaluation.methods.method import Explanation, Searcher
+from kpred.evaluation.methods.method import Searcher
 from kpred.evaluation.methods.sources import Sources
 from kpred.ops import chamfer_distance, unilateral_chamfer_distance
-from kpred.peers.methods.peer_method import CHUNK, PeerMethod
+from kpred.peers.methods.peer_method import CHUNK, Deformed, PeerMethod, PeerSearcher
 from kpred.peers.networks.shapeflow import ShapeFlow
 
 POINTS = 256
@@ -32,7 +32,7 @@ class ShapeFlowMethod(PeerMethod[ShapeFlow]):
         return _ShapeFlow(self.network(sources), sources)
 
 
-class _ShapeFlow:
+class _ShapeFlow(PeerSearcher):
     def __init__(self, network: ShapeFlow, sources: Sources) -> None:
         self.network, self.sources = network, sources
         self.codes = network.code(network.rows(sources.model_ids))
@@ -40,19 +40,19 @@ class _ShapeFlow:
         pairs = zip(sources.points.split(CHUNK), self.codes.split(CHUNK), strict=True)
         self.hub = torch.cat([network.to_hub(points, codes) for points, codes in pairs])
 
-    def explain(self, target: Tensor, top_k: int, partial: bool) -> Explanation:
-        code = self._sought(target, partial)
+    def deform(self, cloud: Tensor, top_k: int, partial: bool) -> Deformed:
+        code = self._sought(cloud, partial)
         near = (self.codes - code).square().sum(1).argsort(stable=True)[:top_k]
         flown = self.network.from_hub(self.hub[near], code.expand(len(near), -1))
-        return Explanation(tuple(self.sources.model_ids[row] for row in near.tolist()), flown)
+        return self.named(near, flown)
 
-    def _sought(self, target: Tensor, partial: bool) -> Tensor:
+    def _sought(self, cloud: Tensor, partial: bool) -> Tensor:
         """Optimise the code (size,) under which random sources flow to the target best."""
         distance = unilateral_chamfer_distance if partial else chamfer_distance
         generator = torch.Generator().manual_seed(self.sources.seed)
         # The bench runs without gradients; what was made there cannot take part in them, but copies can.
         with torch.inference_mode(False), torch.enable_grad():
-            goal = target[:: max(1, len(target) // POINTS)].clone().expand(GUIDES, -1, -1)
+            goal = cloud[:: max(1, len(cloud) // POINTS)].clone().expand(GUIDES, -1, -1)
             hub = self.hub[:, :: max(1, self.hub.shape[1] // POINTS)].clone()
             code = (1e-4 * torch.randn(self.codes.shape[1], generator=generator)).requires_grad_()
             optimizer = torch.optim.Adam([code], lr=RATE)

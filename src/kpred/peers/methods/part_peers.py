@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from kpred.evaluation.methods.method import Explanation, Searcher
+from kpred.evaluation.methods.method import Searcher
 from kpred.evaluation.methods.sources import Sources
 from kpred.nn.keypoints import thinned
-from kpred.peers.methods.peer_method import CHUNK, PeerMethod
+from kpred.peers.methods.peer_method import CHUNK, Deformed, PeerMethod, PeerSearcher
 from kpred.peers.networks.part_boxes import PartBoxes
 from kpred.peers.networks.pointnet import POINT_FEATURES
 from kpred.peers.networks.u_red import URed
@@ -34,17 +34,17 @@ class Uy2021Method(PeerMethod[Uy2021]):
         return _Uy2021(self.network(sources), sources)
 
 
-class _Uy2021:
+class _Uy2021(PeerSearcher):
     def __init__(self, network: Uy2021, sources: Sources) -> None:
         self.network, self.sources = network, sources
         self.rows = network.rows(sources.model_ids)
         self.boxes = _boxes(sources, network.config.parts)
 
-    def explain(self, target: Tensor, top_k: int, partial: bool) -> Explanation:
-        near = self.network.distances(target[None], self.rows)[0].argsort(stable=True)[:top_k]
-        codes = self.network.encode(target[None]).expand(len(near), -1)
+    def deform(self, cloud: Tensor, top_k: int, partial: bool) -> Deformed:
+        near = self.network.distances(cloud[None], self.rows)[0].argsort(stable=True)[:top_k]
+        codes = self.network.encode(cloud[None]).expand(len(near), -1)
         deformed = self.network.deform(codes, self.rows[near], self.sources.points[near], self.boxes.take(near))
-        return Explanation(tuple(self.sources.model_ids[row] for row in near.tolist()), deformed)
+        return self.named(near, deformed)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class URedMethod(PeerMethod[URed]):
         return _URed(self.network(sources), sources)
 
 
-class _URed:
+class _URed(PeerSearcher):
     def __init__(self, network: URed, sources: Sources) -> None:
         self.network, self.sources = network, sources
         self.boxes = _boxes(sources, network.config.parts)
@@ -69,11 +69,11 @@ class _URed:
         drawn = torch.randn(SPHERE_SAMPLES, POINT_FEATURES, generator=torch.Generator().manual_seed(sources.seed))
         self.sphere = functional.normalize(drawn, dim=1)
 
-    def explain(self, target: Tensor, top_k: int, partial: bool) -> Explanation:
+    def deform(self, cloud: Tensor, top_k: int, partial: bool) -> Deformed:
         branch = self.network.partial if partial else self.network.whole
-        cloud = thinned(target[None])
-        own = branch.encoder(cloud)
-        features = branch.encoder.of_points(cloud[:, :: max(1, cloud.shape[1] // SCORED_POINTS)])
+        few = thinned(cloud[None])
+        own = branch.encoder(few)
+        features = branch.encoder.of_points(few[:, :: max(1, few.shape[1] // SCORED_POINTS)])
         extra = [(sample[None],) for sample in self.sphere] if partial else [()]
         scores = torch.stack(
             [
@@ -85,7 +85,7 @@ class _URed:
         boxes = self.boxes.take(near)
         motion = branch.deformation(self.codes[near], own.expand(len(near), -1), self.parts[near], boxes.parts)
         deformed = boxes.moved(self.sources.points[near], motion)
-        return Explanation(tuple(self.sources.model_ids[row] for row in near.tolist()), deformed)
+        return self.named(near, deformed)
 
 
 def _boxes(sources: Sources, parts: int) -> PartBoxes:

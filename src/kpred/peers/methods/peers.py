@@ -24,19 +24,18 @@ METHODS: dict[type[Any], type[Any]] = {
 """Method of each peer's networks."""
 
 
-def peer_method(name: str, folder: str | os.PathLike[str]) -> tuple[Method, dict[str, Any]]:
-    """Load a peer method from the folder of its weights, with its training record.
+def peer_method(name: str, folder: str | os.PathLike[str], refined: bool = False) -> Method:
+    """Load a peer by the folder of its weights.
+
+    Args:
+        name: of the peer in tables.
+        refined: whether KeypointDeformer has a row with this package's keypoint refinement too.
 
     Raises:
         ModelError: the folder holds no weights of a peer.
     """
     networks = load_peers(Path(folder))
-    method: Method = METHODS[type(next(iter(networks.values())))](name, networks)
-    return method, {"folder": str(folder), "training": training_record(folder)}
-
-
-def refined(method: Method) -> list[Method]:
-    """Return the method with this package's keypoint refinement, where it has keypoints."""
-    if not isinstance(method, KeypointDeformerMethod):
-        return []
-    return [KeypointDeformerMethod(f"{method.name}_refined", method.networks, RefineConfig())]
+    kind = METHODS[type(next(iter(networks.values())))]
+    more = {"refinement": RefineConfig()} if refined and kind is KeypointDeformerMethod else {}
+    method: Method = kind(name, networks, {"folder": str(folder), "training": training_record(folder)}, **more)
+    return method

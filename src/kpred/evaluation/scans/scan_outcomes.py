@@ -6,27 +6,18 @@ found another box.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import trimesh
 
-from kpred.database import Database
-from kpred.errors import KpredError
-from kpred.evaluation.metrics.summary import finite
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FitOutcome, FitSettings, claims, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget
-from kpred.fitting import Fit
-from kpred.fitting.pipeline import fit
-from kpred.nn import Model
-from kpred.ops import Frame
 from kpred.ops.rotations import upright_rotation
 from kpred.pose.proposals import up_axis
-
-YAW_RIGHT = 15.0
-"""Degrees."""
 
 NEAR = 0.1
 """Mean distance, unit box, from the whole surface to a result that is right: 5 % of the longest side."""
@@ -41,7 +32,7 @@ class Errors:
             to the result; unit box squared.
         distance: mean distance from the whole surface to the result, unit box.
         centre: from the middle of the true box to that of the result's box in the true axes; size: mean difference of
-            the three sides; both as shares of the true longest side.
+            the three sides; both as fractions of the true longest side.
     """
 
     whole: float
@@ -51,41 +42,27 @@ class Errors:
     size: float
 
 
-@dataclass(frozen=True, eq=False)
-class ScanOutcome:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScanOutcome(FitOutcome):
     """What became of one target.
 
     Attributes:
-        model_id, category: of the true shape; symmetry: name of its symmetry.
-        failure: why the unknown fit gave no result; known_failure: why the known one did not.
-        found: category of the result; model: id of its model.
-        confidence: of the result, None where it was not judged; warnings: number of its warnings.
-        yaw: error in degrees up to symmetry; milliseconds: that the fit took.
-        up: the axis that is found to point up if the scan lies with z up and nobody says so.
+        model_id: of the true shape; symmetry: name of its symmetry.
+        known_failure: why the known fit gave no result.
+        yaw: error in degrees up to symmetry.
+        up: the axis that is found to point up if the scan lies with z up and its up axis is not given.
         unknown, known: errors of the results, None where there is none.
-        result: mesh of the unknown fit in the true unit box, where it was asked for.
+        result: mesh of the unknown fit in the true unit box, if it was asked for.
     """
 
     model_id: str
-    category: str
     symmetry: str
-    failure: str | None = None
     known_failure: str | None = None
-    found: str | None = None
-    model: str | None = None
-    confidence: float | None = None
-    warnings: int = 0
     yaw: float | None = None
-    milliseconds: float | None = None
     up: str | None = None
     unknown: Errors | None = None
     known: Errors | None = None
     result: trimesh.Trimesh | None = None
-
-    @property
-    def category_right(self) -> bool:
-        """Whether the result is of the true category."""
-        return self.found == self.category
 
     @property
     def up_right(self) -> bool:
@@ -103,30 +80,18 @@ class ScanOutcome:
         near = self.unknown is not None and self.unknown.distance < NEAR
         return self.category_right and self.yaw_right and near
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values, without the mesh."""
-        facts = {key: value for key, value in self.__dict__.items() if key != "result"}
-        errors = {key: asdict(value) for key, value in facts.items() if isinstance(value, Errors)}
-        return finite({**facts, "right": self.right, **errors})
+    def facts(self) -> dict[str, Any]:
+        """See `FitOutcome`."""
+        return {"right": self.right}
 
 
-@dataclass(frozen=True, eq=False)
-class Fitting:
-    """How scans are fitted: the networks, the database, how many candidates are compared, the seed of sampling."""
-
-    model: Model
-    database: Database
-    top_k: int
-    seed: int
-
-
-def measure_scan(target: ScanTarget, category: str, how: Fitting, keep_mesh: bool = False) -> ScanOutcome:
-    """Fit a target twice and measure both results; what a fit raises is told in the outcome, never raised."""
-    found = tried(target.scan, how, up="y")
+def measure_scan(target: ScanTarget, category: str, settings: FitSettings, keep_mesh: bool = False) -> ScanOutcome:
+    """Fit a target twice and measure both results; errors of fits go to the outcome."""
+    found = try_fit(target.scan, settings, up="y")
     truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
     # The rotation takes z up to y up; from the right it takes y up to z up.
-    truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", how.model.recognizer)
-    given = tried(target.known, how, frame="known", category=category, partial=True)
+    truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", settings.model.recognizer)
+    given = try_fit(target.known, settings, frame="known", category=category, partial=True)
     known, known_failure = (None, given) if isinstance(given, str) else (errors_of_result(given.mesh, target), None)
     if isinstance(found, str):
         return ScanOutcome(**truth, failure=found, known_failure=known_failure, known=known)
@@ -138,44 +103,18 @@ def measure_scan(target: ScanTarget, category: str, how: Fitting, keep_mesh: boo
         unknown=errors_of_result(mesh, target),
         yaw=yaw_error(yaw_between(found.frame.rotation, target.frame.rotation), target.symmetry),
         result=mesh if keep_mesh else None,
-        **claimed(found),
+        **claims(found),
     )
 
 
-def measure_other(target: ScanTarget, category: str, how: Fitting, keep_mesh: bool = False) -> ScanOutcome:
+def measure_other(target: ScanTarget, category: str, settings: FitSettings, keep_mesh: bool = False) -> ScanOutcome:
     """Fit a scan of something that is of no known category: only what the fit claims is of interest."""
-    found = tried(target.scan, how, up="y")
+    found = try_fit(target.scan, settings, up="y")
+    truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
     if isinstance(found, str):
-        return ScanOutcome(target.model_id, category, target.symmetry.name, failure=found)
+        return ScanOutcome(**truth, failure=found)
     mesh = moved(found.mesh, target.frame) if keep_mesh else None
-    return ScanOutcome(target.model_id, category, target.symmetry.name, result=mesh, **claimed(found))
-
-
-def tried(points: np.ndarray, how: Fitting, **options: Any) -> Fit | str:
-    """A fit, or one sentence that says why there is none."""
-    try:
-        return fit(points, how.model, how.database, top_k=how.top_k, seed=how.seed, **options)
-    except KpredError as error:
-        return " ".join(str(error).split())
-    except Exception as error:  # One target must not cost the others their results.
-        return f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
-
-
-def claimed(found: Fit) -> dict[str, Any]:
-    """What a fit says about itself, by the names of `ScanOutcome`'s attributes."""
-    return {
-        "found": found.category,
-        "model": found.source.model_id,
-        "confidence": float(found.confidence),
-        "warnings": len(found.warnings),
-        "milliseconds": 1000 * sum(found.timings.values()),
-    }
-
-
-def moved(mesh: trimesh.Trimesh, frame: Frame) -> trimesh.Trimesh:
-    """A mesh in the scan's frame, taken into the unit box."""
-    vertices = frame.to_unit(np.asarray(mesh.vertices, dtype=np.float64))
-    return trimesh.Trimesh(vertices, np.asarray(mesh.faces), process=False)
+    return ScanOutcome(**truth, result=mesh, **claims(found))
 
 
 def errors_of_result(mesh: trimesh.Trimesh, target: ScanTarget) -> Errors:

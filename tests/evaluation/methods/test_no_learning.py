@@ -4,7 +4,8 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
-from kpred.evaluation.tables.baselines import CHUNK, NoLearning, undeformed_errors
+from kpred.evaluation.methods.no_learning import NoLearning
+from kpred.evaluation.metrics.cloud_errors import CHUNK, cloud_errors
 from kpred.fitting import RefineConfig
 
 
@@ -13,11 +14,11 @@ def _kd(a: torch.Tensor, b: torch.Tensor) -> float:
 
 
 @pytest.mark.parametrize("partial", [False, True])
-def test_undeformed_errors_agree_with_a_kd_tree(generator: torch.Generator, partial: bool) -> None:
+def test_cloud_errors_agree_with_a_kd_tree(generator: torch.Generator, partial: bool) -> None:
     target = torch.rand(50, 3, generator=generator)
     shapes = torch.rand(CHUNK + 3, 40, 3, generator=generator)
     wanted = [_kd(target, shape) + (0 if partial else _kd(shape, target)) for shape in shapes]
-    assert undeformed_errors(target, shapes, partial).tolist() == pytest.approx(wanted, rel=1e-4)
+    assert cloud_errors(target, shapes, partial).tolist() == pytest.approx(wanted, rel=1e-4)
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def test_the_basis_moves_rigidly_when_all_keypoints_move_alike(baseline: NoLearn
 
 def test_candidates_start_where_the_shapes_are(baseline: NoLearning) -> None:
     target = baseline.points[1] + 0.01
-    distances = undeformed_errors(target, baseline.points)
+    distances = cloud_errors(target, baseline.points)
     found = baseline.candidates(target, distances, torch.tensor([1, 0]), partial=False)
     assert found.model_ids == ("b", "a")
     torch.testing.assert_close(found.errors(), distances[[1, 0]])
@@ -42,7 +43,7 @@ def test_candidates_start_where_the_shapes_are(baseline: NoLearning) -> None:
 
 def test_refinement_brings_the_shape_to_a_stretched_and_moved_target(baseline: NoLearning) -> None:
     target = baseline.points[0] * torch.tensor([1.0, 1.3, 0.9]) + 0.05
-    distances = undeformed_errors(target, baseline.points)
+    distances = cloud_errors(target, baseline.points)
     found = baseline.candidates(target, distances, torch.tensor([0]), partial=False)
     before, after = float(found.errors()), float(found.refined(RefineConfig()).errors())
     assert after < 0.5 * before

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from kpred.evaluation.metrics.reliability import Reliability, reliability
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.symmetry import SYMMETRIES
-from kpred.evaluation.scans.outcomes import ScanOutcome
+from kpred.evaluation.scans.scan_outcomes import ScanOutcome
 from kpred.training.recognition_data import OTHER
 
 UNIT_BOX = "true unit box of the whole object"

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from kpred.evaluation.metrics.summary import Summary
+from kpred.evaluation.metrics.summary import ALL, Summary
 
 Key = tuple[str, str]
 """Data set and category."""
@@ -23,17 +21,17 @@ class SummaryTable:
         keys = dict.fromkeys((dataset, category) for dataset, category, name, _ in self._found if name == metric)
         return [("/".join(key), key) for key in keys]
 
-    def value(self, key: Key, metric: str, group: str = "all") -> float | None:
+    def value(self, key: Key, metric: str, group: str = ALL) -> float | None:
         """Look up a value; None where nothing was measured."""
         found = self._found.get((*key, metric, group))
         return None if found is None else found.value
 
-    def count(self, key: Key, metric: str, group: str = "all") -> int | None:
+    def count(self, key: Key, metric: str, group: str = ALL) -> int | None:
         """Look up the number of scans."""
         found = self._found.get((*key, metric, group))
         return None if found is None else found.n
 
-    def interval(self, key: Key, metric: str, group: str = "all") -> str:
+    def interval(self, key: Key, metric: str, group: str = ALL) -> str:
         """Write value and interval, as 0.85 0.71–0.93."""
         found = self._found.get((*key, metric, group))
         if found is None:
@@ -44,3 +42,8 @@ class SummaryTable:
         """Write hits of all, as 17/20."""
         found = self._found.get((*key, metric, group))
         return "" if found is None else f"{round(found.value * found.n)}/{found.n}"
+
+    def percent(self, key: Key, metric: str, group: str = ALL) -> float | None:
+        """Look up a fraction, in percent."""
+        found = self.value(key, metric, group)
+        return None if found is None else 100 * found

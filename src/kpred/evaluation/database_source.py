@@ -21,7 +21,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @contextmanager
-def searched(
+def database_source(
     files: Sequence[Path],
     model: Model,
     database: Database | str | os.PathLike[str] | None,

@@ -1,7 +1,6 @@
 """Whole evaluations on small packs with untrained networks: the numbers are those of the fit and of slow references."""
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,13 @@ from scipy.spatial import cKDTree
 
 from kpred.database import Database, build_database
 from kpred.errors import ConfigError, DatabaseError, KpredError, ModelError, PackError
-from kpred.evaluation import evaluate, run_header
-from kpred.evaluation.tables.cleanliness_scores import MEASURES
-from kpred.evaluation.tables.measuring import pack_files, steps_of
-from kpred.evaluation.tables.rows import UNIT, Row
+from kpred.evaluation.metrics.cleanliness_measures import MEASURES
+from kpred.evaluation.metrics.metric import CD, MESH, SEEN, UCD, WHOLE, Metric
+from kpred.evaluation.tables.bench import PARTIAL, Condition
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import make_table
+from kpred.evaluation.tables.packs import pack_files
+from kpred.evaluation.tables.table import Cell, Table
 from kpred.evaluation.tables.targets import Target, read_targets
 from kpred.fitting import fit
 from kpred.fitting.deform import Deform, ModelPoints
@@ -32,41 +34,44 @@ def database(packs: dict[str, Path], model: Model, tmp_path_factory: pytest.Temp
     return path
 
 
+ALL_PROTOCOLS = TableConfig("all", top_k=(1, 4), occlusions=(0.0, 0.5), oracle=True)
+
+
 @pytest.fixture(scope="module")
-def rows(packs: dict[str, Path], model: Model) -> list[Row]:
-    return evaluate(list(packs.values()), model, top_k=(1, 4), protocol="all", occlusions=(0.0, 0.5), oracle=True)
+def table(packs: dict[str, Path], model: Model) -> Table:
+    return make_table(list(packs.values()), {"m": model}, ALL_PROTOCOLS)
 
 
 def _targets(packs: dict[str, Path], category: str) -> list[Target]:
     return read_targets(MeshPack.load(packs[category]), "p", "val", None, 0, pytest.fail)
 
 
-def _value(
-    rows: list[Row], metric: str, category: str, top_k: int | None = None, occlusion: float | None = None
-) -> float:
-    protocol = "full" if occlusion is None else "partial"
-    found = [
-        row.value
-        for row in rows
-        if (row.metric, row.category, row.top_k, row.protocol) == (metric, category, top_k, protocol)
-        and row.occlusion == (occlusion or 0.0)
-        and row.unit == UNIT
-    ]
-    assert len(found) == 1
-    return found[0]
-
-
-def _cleanliness(rows: list[Row], metric: str, category: str, measure: str) -> float:
-    (found,) = (
-        row.value
-        for row in rows
-        if (row.metric, row.category, row.distance, row.protocol) == (metric, category, measure, "full")
-    )
+def _cell(table: Table, method: str, category: str, metric: Metric, occlusion: float | None = None) -> Cell:
+    condition = Condition() if occlusion is None else Condition(PARTIAL, occlusion)
+    names = [one.model for one in table.values if one.method == method]
+    found = table.cell(condition.series(names[0], method, metric), "generated", category)
+    assert found is not None
     return found
 
 
+def _value(
+    table: Table,
+    method: str,
+    category: str,
+    top_k: int | None = None,
+    occlusion: float | None = None,
+    surface: str = SEEN,
+) -> float:
+    metric = Metric(CD if occlusion is None else UCD, surface, top_k=top_k)
+    return _cell(table, method, category, metric, occlusion).value
+
+
+def _cleanliness(table: Table, method: str, category: str, measure: str) -> float:
+    return _cell(table, method, category, Metric(measure, MESH, MEASURES[measure], 4)).value
+
+
 def test_undeformed_nearest_is_the_least_chamfer_distance_to_any_source(
-    rows: list[Row], packs: dict[str, Path], database: Path
+    table: Table, packs: dict[str, Path], database: Path
 ) -> None:
     with Database.open(database) as store:
         shapes = store.candidates("chair").points
@@ -78,7 +83,7 @@ def test_undeformed_nearest_is_the_least_chamfer_distance_to_any_source(
             for shape in shapes
         ]
         nearest.append(min(both))
-    assert _value(rows, "undeformed_nearest", "chair") == pytest.approx(sum(nearest) / len(nearest), rel=1e-4)
+    assert _value(table, "undeformed_nearest", "chair") == pytest.approx(sum(nearest) / len(nearest), rel=1e-4)
 
 
 def _as_fit_sees_them(points: torch.Tensor) -> np.ndarray:
@@ -97,7 +102,7 @@ def _chamfer(one: np.ndarray, other: np.ndarray) -> float:
     [("refined", "free", False), ("structure", "auto", False), ("structure_without_hint", "auto", None)],
 )
 def test_full_numbers_are_those_of_what_a_fit_delivers(
-    rows: list[Row],
+    table: Table,
     packs: dict[str, Path],
     model: Model,
     database: Path,
@@ -115,15 +120,15 @@ def test_full_numbers_are_those_of_what_a_fit_delivers(
             result = placed(ModelPoints(entry.points.astype(float), entry.point_parts, entry.point_basis.astype(float)))
             errors.append(_chamfer(target.points.numpy(), result))
             clean.append(found.cleanliness)
-    measured = _value(rows, metric, "chair", 4)
+    measured = _value(table, metric, "chair", 4)
     assert measured == pytest.approx(sum(errors) / len(errors), rel=1e-4)
     for name in ("flatness", "squareness", "contact_gap"):
         wanted = sum(getattr(one, name) for one in clean) / len(clean)
-        assert _cleanliness(rows, metric, "chair", name) == pytest.approx(wanted, rel=1e-3, abs=1e-6)
+        assert _cleanliness(table, metric, "chair", name) == pytest.approx(wanted, rel=1e-3, abs=1e-6)
 
 
 def test_feed_forward_is_the_lowest_error_of_the_networks_own_keypoints(
-    rows: list[Row], packs: dict[str, Path], model: Model, database: Path
+    table: Table, packs: dict[str, Path], model: Model, database: Path
 ) -> None:
     errors = []
     with Database.open(database) as store:
@@ -133,11 +138,11 @@ def test_feed_forward_is_the_lowest_error_of_the_networks_own_keypoints(
             entries = [store.entry(candidate.model_id) for candidate in names]
             results = [one.points + one.point_basis @ (keypoints - one.keypoints) for one in entries]
             errors.append(min(_chamfer(target.points.numpy(), result) for result in results))
-    assert _value(rows, "feed_forward", "chair", 4) == pytest.approx(sum(errors) / len(errors), rel=1e-4)
+    assert _value(table, "feed_forward", "chair", 4) == pytest.approx(sum(errors) / len(errors), rel=1e-4)
 
 
 def test_partial_numbers_are_those_of_what_a_fit_delivers(
-    rows: list[Row], packs: dict[str, Path], model: Model, database: Path
+    table: Table, packs: dict[str, Path], model: Model, database: Path
 ) -> None:
     errors, whole = [], []
     with Database.open(database) as store:
@@ -147,79 +152,65 @@ def test_partial_numbers_are_those_of_what_a_fit_delivers(
             tree = cKDTree(found.placed.explanation.points)
             errors.append((tree.query(cloud.numpy())[0] ** 2).mean())
             whole.append((tree.query(target.points.numpy())[0] ** 2).mean())
-    assert _value(rows, "structure", "table", 4, 0.5) == pytest.approx(sum(errors) / len(errors), rel=1e-4)
-    assert _value(rows, "structure_whole", "table", 4, 0.5) == pytest.approx(sum(whole) / len(whole), rel=1e-4)
+    assert _value(table, "structure", "table", 4, 0.5) == pytest.approx(sum(errors) / len(errors), rel=1e-4)
+    assert _value(table, "structure", "table", 4, 0.5, WHOLE) == pytest.approx(sum(whole) / len(whole), rel=1e-4)
 
 
-def test_undeformed_models_have_lost_nothing_and_bent_ones_have(rows: list[Row]) -> None:
-    measured = {row.distance for row in rows if row.unit != UNIT}
-    assert measured == set(MEASURES)
-    assert all(row.top_k == 4 for row in rows if row.unit != UNIT)
-    for name in MEASURES:
-        for row in rows:
-            if row.distance == name and row.metric == "undeformed_retrieved":
-                assert (row.value, row.percentile_95) == pytest.approx((0, 0), abs=1e-6)
+def test_undeformed_models_have_lost_nothing_and_bent_ones_have(table: Table) -> None:
+    measures = [one for one in table.values if not one.is_error]
+    assert {one.metric.name for one in measures} == set(MEASURES)
+    assert {(one.metric.top_k, one.metric.surface) for one in measures} == {(4, MESH)}
+    for one in measures:
+        if one.method == "undeformed_retrieved":
+            assert list(table.values[one].values()) == pytest.approx([0] * len(table.values[one]), abs=1e-6)
     # An untrained network's keypoints bend every model.
-    assert _cleanliness(rows, "refined", "chair", "squareness") > 1.0
+    assert _cleanliness(table, "refined", "chair", "squareness") > 1.0
 
 
-def test_more_candidates_are_never_worse_and_the_oracle_is_best(rows: list[Row]) -> None:
+def test_more_candidates_are_never_worse_and_the_oracle_is_best(table: Table) -> None:
     for occlusion in (None, 0.0, 0.5):
         for metric in ("no_learning", "feed_forward", "refined"):
-            one, four = (_value(rows, metric, "chair", k, occlusion) for k in (1, 4))
-            oracle = _value(rows, f"oracle_{metric}", "chair", None, occlusion)
+            one, four = (_value(table, metric, "chair", k, occlusion) for k in (1, 4))
+            oracle = _value(table, f"oracle_{metric}", "chair", None, occlusion)
             assert oracle <= four * (1 + 1e-5)
             # A fit chooses what is refined by more than its error.
             assert metric == "refined" or four <= one * (1 + 1e-5)
 
 
-def test_the_rows_of_all_are_means_over_all_instances(rows: list[Row]) -> None:
-    single = {}
-    for row in rows:
-        single.setdefault((row.protocol, row.occlusion, row.metric, row.distance, row.top_k), {})[row.category] = row
-    for found in single.values():
-        together = found["all"]
-        # Models without symmetry have no mirror to lose.
-        parts = [found[name] for name in ("chair", "table") if name in found]
-        assert together.n == sum(part.n for part in parts)
-        assert together.n == 6 or together.distance == "mirror"
-        wanted = sum(part.value * part.n for part in parts) / together.n
-        assert together.value == pytest.approx(wanted)
-        assert together.dataset == "all"
-        assert parts[0].dataset == "generated"
-        assert all(row.database_models == 9 for row in found.values())
-
-
-def test_the_floor_lies_below_all_methods_and_nothing_is_not_finite(rows: list[Row]) -> None:
-    assert all(math.isfinite(row.value) for row in rows)
-    assert all(row.value > 0 for row in rows if row.unit == UNIT)
-    floor = _value(rows, "sampling_floor", "chair")
-    assert floor < 0.5 * _value(rows, "undeformed_nearest", "chair")
+def test_the_floor_lies_below_all_methods_and_nothing_is_not_finite(table: Table) -> None:
+    assert all(math.isfinite(value) for values in table.values.values() for value in values.values())
+    assert all(value > 0 for one, values in table.values.items() if one.is_error for value in values.values())
+    floor = _value(table, "sampling_floor", "chair")
+    assert floor < 0.5 * _value(table, "undeformed_nearest", "chair")
 
 
 def test_a_given_database_is_as_good_as_one_built_of_the_same_shapes(
-    rows: list[Row], packs: dict[str, Path], model: Model, database: Path
+    table: Table, packs: dict[str, Path], model: Model, database: Path
 ) -> None:
-    again = evaluate([packs["chair"]], model, database, top_k=4)
-    assert {row.category for row in again} == {"chair"}
-    for row in (row for row in again if row.unit == UNIT):
-        assert row.value == pytest.approx(_value(rows, row.metric, "chair", row.top_k), rel=1e-5)
+    again = make_table([packs["chair"]], {"m": model}, TableConfig(top_k=(4,)), {"m": database})
+    assert again.categories("generated") == ["chair"]
+    for one in (one for one in again.values if one.is_error):
+        wanted = _value(table, one.method, "chair", one.metric.top_k)
+        assert _value(again, one.method, "chair", one.metric.top_k) == pytest.approx(wanted, rel=1e-5)
 
 
 def test_the_seed_decides(packs: dict[str, Path], model: Model, database: Path) -> None:
-    first, same, other = (evaluate([packs["chair"]], model, database, limit=1, seed=seed) for seed in (0, 0, 1))
-    assert [asdict(row) for row in first] == [asdict(row) for row in same]
-    assert first[0].value != other[0].value
-    assert first[0].n == 1
+    first, same, other = (
+        make_table([packs["chair"]], {"m": model}, TableConfig(limit=1, seed=seed), {"m": database})
+        for seed in (0, 0, 1)
+    )
+    assert first.values == same.values
+    assert _value(first, "undeformed_nearest", "chair") != _value(other, "undeformed_nearest", "chair")
+    assert len(first.subjects()) == 1
 
 
 def test_targets_that_are_in_the_database_are_told(packs: dict[str, Path], model: Model, database: Path) -> None:
     told: list[str] = []
-    found = evaluate([packs["chair"]], model, database, split="source", limit=2, report=told.append)
+    config = TableConfig(split="source", limit=2)
+    found = make_table([packs["chair"]], {"m": model}, config, {"m": database}, report=told.append)
     assert "2 of 2 targets are in the database" in told[0]
-    ratio = {row.metric: row.ratio_to_undeformed for row in found}
-    assert ratio["sampling_floor"] is not None
-    assert ratio["sampling_floor"] > 0.8  # the nearest shape is the target itself, sampled otherwise
+    # The nearest shape is the target itself, sampled otherwise.
+    assert _value(found, "sampling_floor", "chair") > 0.8 * _value(found, "undeformed_nearest", "chair")
 
 
 def test_progress_ends_complete(packs: dict[str, Path], model: Model) -> None:
@@ -229,7 +220,7 @@ def test_progress_ends_complete(packs: dict[str, Path], model: Model) -> None:
         assert done >= last.get(task, (0, 0))[0]
         last[task] = (done, total)
 
-    evaluate([packs["chair"]], model, limit=2, progress=progress)
+    make_table([packs["chair"]], {"m": model}, TableConfig(limit=2), progress=progress)
     assert last == {
         "generated/chair: database": (9, 9),
         "generated/chair: baseline": (9, 9),
@@ -246,25 +237,18 @@ def test_wrong_arguments_are_told_in_one_sentence(packs: dict[str, Path], model:
     ).save(tmp_path / "val.npz")
     stool = Model("other", {"stool": new_network(ModelConfig(category="stool", width=16, stages=1), 0)})
     cases: list[tuple[type[KpredError], str, dict]] = [
-        (ConfigError, "top_k", {"top_k": 0}),
-        (ConfigError, "top_k", {"top_k": ()}),
-        (ConfigError, "Occlusions", {"protocol": "partial", "occlusions": (1.0,)}),
-        (PackError, "'test'", {"split": "test"}),
-        (PackError, "at least one", {"packs": []}),
+        (PackError, "no shape is in the split 'test'", {"config": TableConfig(split="test")}),
+        (PackError, "at least one .npz", {"packs": []}),
         (PackError, "no such file", {"packs": [tmp_path / "none.npz"]}),
         (PackError, "'source' to search", {"packs": [tmp_path / "val.npz"]}),
-        (DatabaseError, "none.kpred", {"database": tmp_path / "none.kpred"}),
-        (ModelError, "no category 'chair'", {"model": stool}),
+        (DatabaseError, "none.kpred", {"databases": {"m": tmp_path / "none.kpred"}}),
+        (ModelError, "no category 'chair'", {"models": {"m": stool}}),
+        (ConfigError, "limit of targets", {"config": TableConfig(limit=0)}),
     ]
     for kind, words, changes in cases:
-        arguments = {"packs": [chair], "model": model, **changes}
+        arguments = {"packs": [chair], "models": {"m": model}, "config": TableConfig(), **changes}
         with pytest.raises(kind, match=words):
-            evaluate(**arguments)
-
-
-def test_an_unknown_protocol_is_told() -> None:
-    with pytest.raises(ConfigError, match="full, partial, all"):
-        steps_of("half", (0.0,))
+            make_table(**arguments)
 
 
 def test_what_is_wrong_with_the_last_pack_is_told_before_the_first_is_measured(
@@ -273,7 +257,12 @@ def test_what_is_wrong_with_the_last_pack_is_told_before_the_first_is_measured(
     only_chairs = Model("chairs", {"chair": model["chair"]})
     told: list[str] = []
     with pytest.raises(ModelError, match="'table'"):
-        evaluate(list(packs.values()), only_chairs, progress=lambda task, done, total: told.append(task))
+        make_table(
+            list(packs.values()),
+            {"m": only_chairs},
+            TableConfig(),
+            progress=lambda task, done, total: told.append(task),
+        )
     assert not told
 
 
@@ -281,18 +270,10 @@ def test_a_database_of_other_weights_is_refused(packs: dict[str, Path], model: M
     config = model["chair"].config
     other = Model("other", {"chair": new_network(config, seed=1).eval()})
     with pytest.raises(DatabaseError, match="other weights"):
-        evaluate([packs["chair"]], other, database, limit=1)
+        make_table([packs["chair"]], {"m": other}, TableConfig(limit=1), {"m": database})
 
 
 def test_folders_stand_for_their_packs(packs: dict[str, Path], tmp_path: Path) -> None:
     assert pack_files([packs["chair"].parent]) == [packs["chair"], packs["table"]]
     with pytest.raises(PackError, match="no mesh packs"):
         pack_files([tmp_path])
-
-
-def test_the_header_names_model_database_seed_and_versions(model: Model) -> None:
-    header = run_header(model, None, split="val", top_k=10, protocol="full", limit=None, seed=5)
-    assert header["fingerprints"] == {name: network.fingerprint() for name, network in model.items()}
-    assert header["seed"] == 5
-    assert header["versions"]["torch"].split("+")[0] == torch.__version__.split("+")[0]
-    assert "source" in header["database"]
