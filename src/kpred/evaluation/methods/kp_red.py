@@ -29,7 +29,7 @@ from kpred.fitting.options import FitOptions
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
 from kpred.nn import Model
-from kpred.pose.recognition import Reading
+from kpred.pose.recognition import PoseHypothesis
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
@@ -124,7 +124,7 @@ class _Searcher:
             structure=self.settings.structure,
         )
         scan = CleanScan(query.cloud.double().numpy(), len(query.cloud), "y", None, ())
-        return try_poses(scan, [Reading(np.eye(3), self.context.categories[0])], self.context, options)
+        return try_poses(scan, [PoseHypothesis(np.eye(3), self.context.categories[0])], self.context, options)
 
     def _cleanliness(self, model_id: str, deformation: Deformation) -> Cleanliness:
         """Measure what a deformed mesh lost against the model's own."""
