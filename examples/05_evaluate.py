@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from kpred import load_model
-from kpred.evaluation import evaluate, run_header, write_rows
+from kpred.evaluation import TableConfig, make_table, write_table
 from kpred.shapes import MeshPack
 from kpred.synthetic.generator import generate
 
@@ -24,16 +24,17 @@ file = folder / "chair.npz"
 MeshPack.from_meshes(list(chairs), list(chairs.model_id), splits, "chair").save(file)
 
 # All metrics are computed on the same clouds; best of the first 1 and of the first 10 retrieved models.
-settings = {"split": "val", "top_k": (1, 10), "protocol": "all", "occlusions": (0.5,), "seed": 0}
-model = load_model()
-rows = evaluate([file], model, **settings)
+table = make_table([file], {"bundled": load_model()}, TableConfig("all", top_k=(1, 10), occlusions=(0.5,)))
 
-for row in (row for row in rows if row.unit == "unit box squared"):  # the other rows measure cleanliness
-    top = "all" if row.top_k is None else row.top_k
-    ratio = "" if row.ratio_to_undeformed is None else f"{row.ratio_to_undeformed:.2f} of undeformed"
-    hidden = f"{row.protocol}, {row.occlusion:.0%} hidden" if row.protocol == "partial" else row.protocol
-    print(f"{hidden:<22} {row.metric:<26} top {top!s:<4} {row.value:.5f}  {ratio}")
+for cell in table.cells():
+    series, metric = cell.series, cell.series.metric
+    if metric.is_error:
+        top = "all" if metric.top_k is None else metric.top_k
+        hidden = f"{series.protocol}, {series.occlusion:.0%} hidden" if series.occlusion else series.protocol
+        interval = "" if cell.low is None else f"({cell.low:.5f} to {cell.high:.5f})"
+        print(f"{hidden:<22} {series.method:<26} {metric.surface:<6} top {top!s:<4} {cell.value:.5f} {interval}")
 
-# Rows and what they were come from (weights, database, seed, versions), for tables and for comparing runs.
-write_rows(folder / "rows.json", run_header(model, None, **settings), rows)
-print(f"wrote {folder / 'rows.json'}; unit: {rows[0].unit}, mean over {rows[0].n} shapes")
+# Values, target by target, and what they were made by (weights, database, seed, versions), for comparing runs.
+for written in write_table(table, folder / "table.json"):
+    print(f"wrote {written}")
+print(f"unit: {table.header['unit']}, mean over {len(table.subjects())} shapes")

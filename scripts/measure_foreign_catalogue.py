@@ -23,7 +23,7 @@ from PIL import Image, ImageDraw, ImageFont
 from kpred.database import Database
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.outcomes import Fitting, moved, tried
+from kpred.evaluation.scans.outcome import FitSettings, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.evaluation.tables.targets import limited
 from kpred.nn import load_model
@@ -56,9 +56,9 @@ class Row:
         return self.distance / max(self.undeformed, 1e-9)
 
 
-def measure(target: ScanTarget, mesh: Mesh, category: str, how: Fitting) -> tuple[Row, np.ndarray]:
+def measure(target: ScanTarget, mesh: Mesh, category: str, settings: FitSettings) -> tuple[Row, np.ndarray]:
     """Fit one scan; return the numbers and the pictures side by side."""
-    found = tried(target.scan, how, up="y", category=category)
+    found = try_fit(target.scan, settings, up="y", category=category)
     truth = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     low, high = truth.bounds
     truth.apply_translation(-(low + high) / 2)
@@ -145,13 +145,13 @@ def main() -> None:
     print(" worse, first | failed |\n|" + "---|" * 12)
     model = load_model()
     with Database.open(options.database, read_only=True) as database:
-        how = Fitting(model, database, 10, options.seed)
+        settings = FitSettings(model, database, 10, options.seed)
         for category in model.categories:
             rows, pictures = [], []
             for name in limited(database.model_ids(category), options.limit, options.seed):
                 mesh = database.entry(name).mesh
                 target = make_scan_target(mesh, name, options.seed, own_size=True)
-                row, picture = measure(target, mesh, category, how)
+                row, picture = measure(target, mesh, category, settings)
                 rows.append(row)
                 pictures.append(picture)
             sheet(rows, pictures).save(options.output / f"{category}.png")

@@ -57,9 +57,33 @@ def test_full_prints_what_it_writes(
         assert [float(line["value"]) for line in csv.DictReader(stream)] == [r["value"] for r in report["rows"]]
     # Of two models in one table the first has the same values as alone.
     both = json.loads((made / "full.json").read_text())
-    alone = {(one["method"], one["distance"]): one["values"] for one in report["series"]}
+    alone = {(one["method"], one["metric"]): one["values"] for one in report["series"]}
     for one in both["series"]:
-        assert one["values"] == pytest.approx(alone[one["method"], one["distance"]], rel=1e-6, abs=1e-9)
+        assert one["values"] == pytest.approx(alone[one["method"], one["metric"]], rel=1e-6, abs=1e-9)
+
+
+def test_shapes_prints_ratios_beside_a_table_of_any_protocol(
+    files: Path, pack: Path, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["evaluate", str(pack), "--top-k", "1", "2", "--protocol", "all", "--limit", "1", "--json"]
+    line += ["--occlusions", "0.5", "--model", str(files / "model"), "--cache", str(made / "cache")]
+    assert main([*line, "-o", str(tmp_path / "rows.json")]) == OK
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
+    assert report == json.loads((tmp_path / "rows.json").read_text())
+    errors = {
+        (row["method"], row["top_k"]): row["value"]
+        for row in report["rows"]
+        if (row["protocol"], row["metric"], row["surface"]) == ("full", "chamfer_distance", "seen")
+    }
+    shown = next(line for line in printed.err.splitlines() if "refined" in line and " CD " in line and " 2 " in line)
+    for ratio in (
+        errors["refined", 2] / errors["undeformed_nearest", None],
+        errors["refined", 2] / errors["no_learning", 2],
+    ):
+        assert f"{ratio:.4g}" in shown
+    assert {row["occlusion"] for row in report["rows"] if row["protocol"] == "partial"} == {0.5}
+    assert "1 targets against 2 models" in printed.err
 
 
 def test_cleanliness_stands_beside_the_errors(
@@ -69,7 +93,7 @@ def test_cleanliness_stands_beside_the_errors(
     assert main(["evaluate", "table", "full", str(pack), *using, "--json"]) == OK
     printed = capsys.readouterr()
     report = json.loads(printed.out)
-    rows = {(row["method"], row["distance"]): row for row in report["rows"]}
+    rows = {(row["method"], row["metric"]): row for row in report["rows"]}
     bent = rows["refined", "squareness"]
     assert (bent["unit"], bent["n"]) == ("degrees", 2)
     assert bent["percentile_95"] >= bent["value"] > 0
@@ -153,6 +177,10 @@ def test_plots_are_written(made: Path, files: Path, pack: Path, tmp_path: Path) 
         ("evaluate table", USAGE, "topk"),
         ("evaluate table fulll {pack}", USAGE, "did you mean `kpred evaluate table full`?"),
         ("evaluate table full", USAGE, "no pack was named"),
+        ("evaluate", USAGE, "no pack was named"),
+        ("evaluate a.npz --top-k many", USAGE, "--top-k"),
+        ("evaluate {pack} --top-k 0", FAILED, "top_k must be at least 1"),
+        ("evaluate {new}/missing.npz", FAILED, "missing.npz"),
         ("evaluate table full {pack} -o {new}/rows.txt", FAILED, "tables are .json"),
         ("evaluate table full {pack} -o {new}/none/rows.json", FAILED, "does not exist; make it first"),
         ("evaluate table full {pack} --model a=x --model a=y", USAGE, "names a twice"),
@@ -163,7 +191,7 @@ def test_plots_are_written(made: Path, files: Path, pack: Path, tmp_path: Path) 
         ("evaluate table full {pack} --split nope", FAILED, "no shape is in the split 'nope'"),
         ("evaluate table full {pack} --targets {new}/none.csv", FAILED, "cannot be read"),
         ("evaluate table full {pack} --peer a", USAGE, "--peer must be NAME=PATH"),
-        ("evaluate table partial {pack} --occlusions 1.0", FAILED, "Occlusions must be shares"),
+        ("evaluate table partial {pack} --occlusions 1.0", FAILED, "Occlusions must be fractions"),
         ("evaluate table topk {pack} --top-k 0", FAILED, "top_k must be at least 1"),
         ("evaluate table scan2cad {new}", FAILED, "full_annotations.json"),
         ("evaluate table ablation {pack} --rows a z", FAILED, "no row z"),

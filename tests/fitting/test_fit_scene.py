@@ -17,7 +17,7 @@ from kpred.errors import ConfigError, DatabaseError, OutputError, ScanError
 from kpred.fitting import fit_scene as scene_module
 from kpred.fitting.fit_scene import SceneFit, fit_scene, upright
 from kpred.nn import Model, ModelConfig
-from kpred.rendering.picture import PictureWarning
+from kpred.rendering.draw import PictureWarning
 from kpred.rendering.scene_picture import PICTURE_SIZE, save_scene_picture, scene_view
 from kpred.scenes.floor import SceneFloor
 from kpred.scenes.objects import SceneObject, objects_of
@@ -285,11 +285,12 @@ def test_z_up_turns_as_documented() -> None:
 def test_the_view_is_that_of_the_glb(fitted: SceneFit) -> None:
     view = scene_view(fitted)
     bounds = fitted.glb_scene().bounds
-    np.testing.assert_allclose(view.vertices.min(axis=0), bounds[0], atol=1e-5)
-    np.testing.assert_allclose(view.vertices.max(axis=0), bounds[1], atol=1e-5)
-    assert view.labels.tolist() == list(PLACES)
-    assert len(view.faces) == len(view.face_colors)
-    np.testing.assert_allclose(view.points[:, 1], fitted.scene.points[:, 2], atol=1e-6)
+    (scan,), (_, models) = (panel.layers for panel in view.panels)
+    np.testing.assert_allclose(models.vertices.min(axis=0), bounds[0], atol=1e-5)
+    np.testing.assert_allclose(models.vertices.max(axis=0), bounds[1], atol=1e-5)
+    assert view.panels[1].labels == tuple(PLACES)
+    assert len(models.faces) == len(models.colors)
+    np.testing.assert_allclose(scan.vertices[:, 1], fitted.scene.points[:, 2], atol=1e-6)
 
 
 @pytest.mark.parametrize("graphics", [True, False])
@@ -298,10 +299,10 @@ def test_the_picture_shows_scan_and_models(
 ) -> None:
     from matplotlib.image import imread
 
-    from kpred.rendering import scene_picture as picture_scene
+    from kpred.rendering import draw
 
     if not graphics:
-        monkeypatch.setattr(picture_scene, "_draw_apart", lambda *arguments: "there are no graphics here")
+        monkeypatch.setattr(draw, "_draw_apart", lambda *arguments: "there are no graphics here")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PictureWarning)
         assert save_scene_picture(fitted, tmp_path / "scene.png")
@@ -321,7 +322,7 @@ def test_the_shared_scene(shared_data: Path, model: Model, database: Database, t
     result = fit_scene(scene, objects, model, database, top_k=2)
     assert [item.object.name for item in result.fitted] == [f"chair_{k}" for k in range(1, 5)] + ["table_5", "chair_6"]
     assert result.fits[0].skipped
-    assert scene_view(result).one_sided
+    assert scene_view(result).panels[0].layers[0].style.one_sided
     result.to_glb(tmp_path / "scene.glb")
     loaded = trimesh.load_scene(tmp_path / "scene.glb", process=False)
     scan_to_glb = result.scan_to_glb()[:3, :3]

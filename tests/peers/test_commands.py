@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from kpred.cli.main import FAILED, OK, USAGE, main
-from kpred.evaluation.methods import Sources
+from kpred.evaluation.methods.method import Query
+from kpred.evaluation.methods.sources import Sources
 from kpred.fitting import RefineConfig
 from kpred.peers.methods.cage_peers import KeypointDeformerMethod, NeuralCagesMethod
 from kpred.peers.methods.peers import peer_method
@@ -54,16 +55,17 @@ def test_peers_are_measured_beside_the_baselines(
     assert main(line) == OK
     said = json.loads(capsys.readouterr().out)
     written = json.loads(out.read_text())
-    assert said["rows"] == written["rows"]
-    found = {(row["metric"], row["top_k"]): row for row in said["rows"]}
-    names = {"no_learning", "kd_refined", *NAMES.values()}
-    assert set(found) == {("undeformed_nearest", None)} | {(name, k) for name in names for k in (1, 4)}
-    for name in names:
-        assert found[name, 4]["value"] <= found[name, 1]["value"]
-        assert found[name, 4]["n"] == 2
-    assert found["kd_refined", 4]["value"] < found["kd", 4]["value"]
-    assert len(written["instances"]) == 2 * len(said["rows"])
-    assert said["header"]["methods"]["uy"]["training"][0]["shapes"] == {"sources": 5, "targets": 6}
+    assert said == written
+    found = {(row["model"], row["method"], row["top_k"]): row for row in said["rows"]}
+    rows = {("", "no_learning"), ("kd", "refined"), *((name, "feed_forward") for name in NAMES.values())}
+    alone = {("", "undeformed_nearest", None), ("", "sampling_floor", None)}
+    assert set(found) == alone | {(*row, k) for row in rows for k in (1, 4)}
+    for row in rows:
+        assert found[(*row, 4)]["value"] <= found[(*row, 1)]["value"]
+        assert found[(*row, 4)]["n"] == 2
+    assert found["kd", "refined", 4]["value"] < found["kd", "feed_forward", 4]["value"]
+    assert len(written["targets"]) == 2
+    assert said["header"]["models"]["uy"]["training"][0]["shapes"] == {"sources": 5, "targets": 6}
 
 
 @pytest.fixture(scope="module")
@@ -74,25 +76,25 @@ def sources(pack: Path) -> Sources:
 @pytest.mark.parametrize("peer", list(PEERS))
 @pytest.mark.parametrize("partial", [False, True])
 def test_what_is_retrieved_comes_in_order(peer: str, partial: bool, runs: Path, sources: Sources) -> None:
-    method, facts = peer_method("name", runs / peer)
+    method = peer_method("name", runs / peer)
     target = sources.points[2]
     target = target[target[:, 0] > 0] if partial else target
     with torch.inference_mode():
         searcher = method.over(sources)
-        found = searcher.explain(target, 3, partial)
-        alone = searcher.explain(target, 1, partial)
+        found = searcher.deform(target, 3, partial)
+        alone = searcher.deform(target, 1, partial)
     assert len(set(found.model_ids)) == 3
     assert alone.model_ids == found.model_ids[:1]
     torch.testing.assert_close(alone.points, found.points[:1], atol=1e-5, rtol=1e-4)
     assert found.points.shape == (3, *sources.points[2].shape)
-    assert facts["training"][0]["peer"] == peer
+    assert method.provenance["training"][0]["peer"] == peer
 
 
 def test_a_target_that_is_a_source_is_nearest_to_itself(runs: Path, sources: Sources) -> None:
     target = sources.points[2]
     for peer, kind in (("keypoint-deformer", KeypointDeformerMethod), ("neural-cages", NeuralCagesMethod)):
         with torch.inference_mode():
-            found = kind(peer, load_peers(runs / peer)).over(sources).explain(target, 1, False)
+            found = kind(peer, load_peers(runs / peer)).over(sources).deform(target, 1, False)
         assert found.model_ids == sources.model_ids[2:3]
         if kind is KeypointDeformerMethod:  # its own keypoints move nothing
             torch.testing.assert_close(found.points[0], target, atol=1e-5, rtol=0)
@@ -102,10 +104,12 @@ def test_refinement_needs_no_peer_of_its_own(runs: Path, sources: Sources) -> No
     networks = load_peers(runs / "keypoint-deformer")
     target = 0.9 * sources.points[1] + 0.01
     with torch.inference_mode():
-        plain = KeypointDeformerMethod("kd", networks).over(sources).explain(target, 2, False)
-        refined = KeypointDeformerMethod("kd", networks, RefineConfig()).over(sources).explain(target, 2, False)
-    assert refined.model_ids == plain.model_ids
-    assert not torch.equal(refined.points, plain.points)
+        method = KeypointDeformerMethod("kd", networks, refinement=RefineConfig())
+        plain, refined = method.over(sources).predict(Query("target", target, False, (1,)))
+    assert (plain.method, refined.method) == ("feed_forward", "refined")
+    assert refined.model_id == plain.model_id
+    assert refined.error is not None and plain.error is not None
+    assert refined.error < plain.error
 
 
 @pytest.mark.parametrize(
@@ -115,7 +119,7 @@ def test_refinement_needs_no_peer_of_its_own(runs: Path, sources: Sources) -> No
         (["train", "peer", "uy2022", "{pack}"], USAGE, "did you mean `kpred train peer uy2021`?"),
         (["train", "peer", "uy2021", "{pack}", "--device", "cuda:99"], FAILED, "is not there or unknown"),
         (["evaluate", "peers"], USAGE, "no pack was named"),
-        (["evaluate", "peers", "{pack}", "--method", "uy"], USAGE, "write it as NAME=FOLDER"),
+        (["evaluate", "peers", "{pack}", "--method", "uy"], USAGE, "--method must be NAME=PATH"),
         (["evaluate", "peers", "{pack}", "--method", "uy={new}"], FAILED, "No weights in"),
         (["evaluate", "peers", "{other}", "--method", "uy={runs}/uy2021"], FAILED, "were not in the training"),
         (

@@ -9,8 +9,8 @@ import trimesh
 from PIL import Image
 
 from kpred.errors import ConfigError, OutputError, ScanError
+from kpred.rendering.draw import PictureWarning
 from kpred.rendering.overlay import draw_overlay, read_photograph, save_overlay
-from kpred.rendering.picture import PictureWarning
 from kpred.shapes.camera import Camera
 from kpred.shapes.render import render_faces
 

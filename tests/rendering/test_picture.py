@@ -11,8 +11,9 @@ import trimesh
 
 from kpred.errors import OutputError
 from kpred.ops.frames import Frame, unit_box_frame
-from kpred.rendering import picture
-from kpred.rendering.picture import PICTURE_SIZE, PictureWarning, fit_scene, save_picture
+from kpred.rendering import draw
+from kpred.rendering.draw import PictureWarning
+from kpred.rendering.picture import PICTURE_SIZE, fit_view, save_picture
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,15 @@ def toy() -> tuple[ToyFit, np.ndarray]:
     return ToyFit(unit_box_frame(scan, to_y_up), box, smaller), np.asarray(scan)
 
 
-def test_the_scene_lies_in_the_unit_box_with_y_up(toy: tuple[ToyFit, np.ndarray]) -> None:
-    scene = fit_scene(*toy)
-    assert len(scene.scan) <= 6000
-    np.testing.assert_allclose(np.ptp(scene.result_vertices, axis=0), [2 / 3, 2, 4 / 3], atol=1e-5)
-    np.testing.assert_allclose(scene.result_vertices.max(axis=0), [1 / 3, 1, 2 / 3], atol=1e-5)
-    np.testing.assert_allclose(np.ptp(scene.retrieved_vertices, axis=0), [1 / 3, 1, 2 / 3], atol=1e-5)
-    center, radius = scene.camera()
-    assert (np.linalg.norm(scene.result_vertices - center, axis=1) <= radius * (1 + 1e-6)).all()
+def test_the_view_lies_in_the_unit_box_with_y_up(toy: tuple[ToyFit, np.ndarray]) -> None:
+    view = fit_view(*toy)
+    (scan,), (retrieved,), (result, over) = (panel.layers for panel in view.panels)
+    assert len(scan.vertices) <= 6000
+    np.testing.assert_array_equal(over.vertices, scan.vertices)
+    np.testing.assert_allclose(np.ptp(result.vertices, axis=0), [2 / 3, 2, 4 / 3], atol=1e-5)
+    np.testing.assert_allclose(result.vertices.max(axis=0), [1 / 3, 1, 2 / 3], atol=1e-5)
+    np.testing.assert_allclose(np.ptp(retrieved.vertices, axis=0), [1 / 3, 1, 2 / 3], atol=1e-5)
+    assert (np.linalg.norm(result.vertices - view.center, axis=1) <= view.radius * (1 + 1e-6)).all()
 
 
 def test_three_different_panels_are_drawn(toy: tuple[ToyFit, np.ndarray], tmp_path: Path) -> None:
@@ -61,7 +63,7 @@ def test_without_graphics_matplotlib_draws(
     def crash(*arguments: object, **options: object) -> subprocess.CompletedProcess[bytes]:
         return subprocess.CompletedProcess([], returncode=-11)
 
-    monkeypatch.setattr(picture.subprocess, "run", crash)
+    monkeypatch.setattr(draw.subprocess, "run", crash)
     file = tmp_path / "fit.png"
     with pytest.warns(PictureWarning, match="apt-get install libegl1"):
         assert save_picture(*toy, file)
@@ -71,7 +73,7 @@ def test_without_graphics_matplotlib_draws(
 def test_without_any_drawing_package_one_warning_says_so(
     toy: tuple[ToyFit, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(picture, "find_spec", lambda name: None)
+    monkeypatch.setattr(draw, "find_spec", lambda name: None)
     with pytest.warns(PictureWarning, match=r"pip install 'kpred\[pictures\]'") as caught:
         assert not save_picture(*toy, tmp_path / "fit.png")
     assert len(caught) == 1

@@ -13,10 +13,10 @@ import trimesh
 from PIL import Image, ImageDraw, ImageFont
 
 from kpred.atomic import atomic_path, check_place
-from kpred.errors import OutputError
 from kpred.ops.typing import Float
+from kpred.rendering.draw import check_png
 from kpred.rendering.overlay import draw_overlay
-from kpred.rendering.picture import VIEW_DIRECTION
+from kpred.rendering.view import square_camera
 from kpred.shapes.camera import Camera
 
 Verdict = Literal["right", "wrong", "open"]
@@ -97,9 +97,7 @@ def check_picture(path: str | Path) -> None:
     Raises:
         OutputError: the extension is not .png, or the file cannot be written there.
     """
-    if Path(path).suffix.lower() != ".png":
-        raise OutputError(f"Cannot write {path}: pictures are .png files; give it that extension.")
-    check_place(path)
+    check_place(check_png(path))
 
 
 def save_contact_sheet(tiles: Sequence[Tile], path: str | Path) -> None:
@@ -124,14 +122,7 @@ def _camera(tile: Tile) -> Camera:
         vertices = np.asarray(tile.result.vertices, dtype=np.float64)
         low, high = np.minimum(low, vertices.min(axis=0)), np.maximum(high, vertices.max(axis=0))
     radius = float(np.linalg.norm(high - low)) / 2 or 1.0
-    toward = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
-    right = np.cross([0.0, 1.0, 0.0], toward)
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(right, toward), -toward], axis=1)
-    pose[:3, 3] = (low + high) / 2 + toward * _FOCAL * radius * 1.2
-    focal, middle = _FOCAL * PANEL / 2, (PANEL - 1) / 2
-    return Camera(np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]]), PANEL, PANEL, pose)
+    return square_camera((low + high) / 2, _FOCAL * radius * 1.2, _FOCAL, PANEL)
 
 
 def _dot(canvas: np.ndarray, camera: Camera, points: np.ndarray, colors: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""Draws a `Scene` with matplotlib, which needs no graphics library: the fall-back of `draw_pyvista`."""
+"""Draws a view with matplotlib, which needs no graphics library: plainer, by parallel projection."""
 
 from __future__ import annotations
 
@@ -7,59 +7,89 @@ from typing import Any
 
 import numpy as np
 
-from kpred.rendering.picture import PICTURE_SIZE, VIEW_DIRECTION, Scene
+from kpred.ops.typing import Float
+from kpred.rendering.view import Layer, Panel, View, eye_axes
 
 _DPI = 100
 _LIGHT = np.array([0.45, 0.75, 0.55])
+_TITLES = 0.92
+"""Panels take this fraction of the height; titles stand above."""
+
+_MAX_POINTS = 120_000
 
 
-def draw_scene(scene: Scene, path: Path) -> None:
-    """Write the scene's three panels to the PNG `path`."""
+def draw_plainly(view: View, path: Path) -> None:
+    """Write a view to the PNG `path`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(PICTURE_SIZE[0] / _DPI, PICTURE_SIZE[1] / _DPI), dpi=_DPI, facecolor="white")
+    width, height = view.size
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    center, radius = scene.camera()
-    points = _project(scene.scan, center)
-    for column in range(3):
-        axes: Any = figure.add_axes((column / 3, 0.0, 1 / 3, 0.92))
+    share = 1 / len(view.panels)
+    reach = view.radius / view.closeness
+    shape = height * _TITLES / (width * share)
+    for column, panel in enumerate(view.panels):
+        axes: Any = figure.add_axes((column * share, 0.0, share, _TITLES))
         axes.set_axis_off()
         axes.set_aspect("equal")
-        axes.set_xlim(-radius, radius)
-        axes.set_ylim(-radius, radius)
-        axes.set_title(str(scene.titles[column]), color="#333333", fontsize=13)
-        if column == 0:
-            axes.scatter(points[:, 0], points[:, 1], c=scene.scan[:, 1], s=3, cmap="viridis", linewidths=0)
-            continue
-        vertices, faces, color = (
-            (scene.retrieved_vertices, scene.retrieved_faces, (0.73, 0.77, 0.82))
-            if column == 1
-            else (scene.result_vertices, scene.result_faces, (0.44, 0.62, 0.85))
-        )
-        # Painter's order: far triangles first.
-        corners = _project(vertices, center)[faces]
-        order = np.argsort(corners[:, :, 2].mean(axis=1))
-        shades = np.outer(_brightness(vertices[faces]), color).clip(0, 1)[order]
-        polygons = PolyCollection(list(corners[order, :, :2]), facecolors=shades, edgecolors=shades, linewidths=0.3)
-        axes.add_collection(polygons, autolim=False)
-        if column == 2:
-            axes.scatter(points[:, 0], points[:, 1], c="#d1495b", s=1.2, linewidths=0, alpha=0.7, zorder=3)
+        axes.set_xlim(-reach / min(shape, 1.0), reach / min(shape, 1.0))
+        axes.set_ylim(-reach * max(shape, 1.0), reach * max(shape, 1.0))
+        axes.set_title(panel.title, color="#333333", fontsize=13)
+        _draw_panel(axes, panel, view)
     figure.savefig(path, dpi=_DPI)
 
 
-def _project(points: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """(N, 3): right, up and toward the eye, parallel projection."""
-    toward = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
-    right = np.cross([0.0, 1.0, 0.0], toward)
-    right /= np.linalg.norm(right)
-    return (points.astype(np.float64) - center) @ np.stack([right, np.cross(toward, right), toward], axis=1)
+def _draw_panel(axes: Any, panel: Panel, view: View) -> None:
+    for order, layer in enumerate(panel.layers):
+        if len(layer.faces) and layer.style.lit:
+            _draw_mesh(axes, layer, view, order)
+        elif len(layer.vertices):
+            _draw_points(axes, layer, view, order)
+    for name, place in zip(panel.labels, _project(panel.anchors, view), strict=True):
+        axes.text(place[0], place[1], name, fontsize=8, color="#222222", ha="center", zorder=len(panel.layers) + 1)
 
 
-def _brightness(triangles: np.ndarray) -> np.ndarray:
-    """(F,) of triangles (F, 3, 3); both sides of a face are lit alike, as winding is not reliable."""
+def _draw_points(axes: Any, layer: Layer, view: View, order: int) -> None:
+    """Draw points, far ones first; of meshes without shading their vertices."""
+    step = max(1, -(-len(layer.vertices) // _MAX_POINTS))
+    points = layer.vertices[::step]
+    flat = _project(points, view)
+    rows = np.argsort(flat[:, 2])
+    size = (layer.style.point_size / 5.0) ** 2
+    look: dict[str, Any] = {"s": size, "linewidths": 0, "alpha": layer.style.opacity, "zorder": order}
+    if not len(layer.colors):
+        look |= {"c": points[rows, 1], "cmap": "viridis"}
+    elif len(layer.colors) == 1:
+        look |= {"color": layer.colors[0] / 255.0}
+    else:
+        look |= {"c": layer.colors[::step][rows] / 255.0}
+    axes.scatter(flat[rows, 0], flat[rows, 1], **look)
+
+
+def _draw_mesh(axes: Any, layer: Layer, view: View, order: int) -> None:
+    """Draw shaded triangles, far ones first."""
+    from matplotlib.collections import PolyCollection
+
+    corners = _project(layer.vertices, view)[layer.faces]
+    rows = np.argsort(corners[:, :, 2].mean(axis=1))
+    colors = np.broadcast_to(layer.colors / 255.0, (len(layer.faces), 3))
+    shades = (_brightness(layer.vertices[layer.faces])[:, None] * colors).clip(0, 1)[rows]
+    polygons = PolyCollection(list(corners[rows, :, :2]), facecolors=shades, edgecolors=shades, linewidths=0.3)
+    polygons.set_zorder(order)
+    axes.add_collection(polygons, autolim=False)
+
+
+def _project(points: Float[np.ndarray, "points 3"], view: View) -> Float[np.ndarray, "points 3"]:
+    """Project to the right, up and toward the eye."""
+    projected: np.ndarray = (points.astype(np.float64) - view.center) @ eye_axes(view.direction).T
+    return projected
+
+
+def _brightness(triangles: Float[np.ndarray, "faces 3 3"]) -> Float[np.ndarray, " faces"]:
+    """Compute brightness; both sides of a face are lit alike, as winding is not reliable."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).astype(np.float64)
     length = np.linalg.norm(normals, axis=1)
     cosine = np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT))) / np.where(length > 0, length, 1.0)
-    return 0.55 + 0.5 * cosine
+    shade: np.ndarray = 0.55 + 0.5 * cosine
+    return shade

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from kpred.atomic import atomic_path
-from kpred.errors import OutputError, ScanError
-from kpred.rendering.picture import PictureWarning
+from kpred.errors import ScanError
+from kpred.rendering.draw import PictureWarning, check_png
 from kpred.shapes.camera import Camera
 from kpred.shapes.reading import check_file
 from kpred.shapes.render import render_faces
@@ -94,9 +94,7 @@ def save_overlay(
         ConfigError: it has other proportions than the camera's picture.
         OutputError: `path` is not a .png, or cannot be written.
     """
-    target = Path(path)
-    if target.suffix.lower() != ".png":
-        raise OutputError(f"Cannot write {target}: pictures are .png files; give it that extension.")
+    target = check_png(path)
     picture = read_photograph(photograph)
     drawn = draw_overlay(picture, vertices, faces, camera, opacity)
     if np.array_equal(drawn, picture):

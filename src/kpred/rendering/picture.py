@@ -1,47 +1,23 @@
-"""A picture of a fit: the scan, the retrieved CAD model as it is in the database, and the deformed result.
-
-VTK loads the machine's graphics libraries and ends the process when there are none, so the drawing with pyvista runs
-in a process of its own; where that fails, matplotlib draws the same scene more plainly.
-"""
+"""A picture of a fit: the scan, the retrieved CAD model as it is in the database, and the deformed result."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
-import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from kpred.atomic import atomic_path
-from kpred.errors import OutputError
 from kpred.ops.frames import Frame
+from kpred.rendering.draw import check_png, draw_view
+from kpred.rendering.view import Color, Layer, Panel, Style, View
 
 PICTURE_SIZE = (1800, 640)
 """Width and height in pixels."""
 
-VIEW_DIRECTION = (0.62, 0.48, 1.0)
-"""From the object to the eye, in canonical axes (y up, front +z): three-quarter from the front, from above."""
-
+_RETRIEVED, _RESULT, _POINTS = (185, 196, 208), (111, 159, 216), (209, 73, 91)
 _DRAWN_POINTS = 6000
-_SECONDS = 120.0
-
-
-class PictureWarning(UserWarning):
-    """A picture was left out or drawn more plainly; the message says why and what to do."""
-
-
-@runtime_checkable
-class _TriangleMesh(Protocol):
-    @property
-    def vertices(self) -> Any: ...
-    @property
-    def faces(self) -> Any: ...
+_CLOSENESS = 1 / 1.05
 
 
 @runtime_checkable
@@ -56,42 +32,28 @@ class _Pictured(Protocol):
     def retrieved_mesh(self) -> Any: ...
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """What the three panels show, all in the unit box (y up, front +z)."""
+def fit_view(fit: _Pictured, scan: np.ndarray, titles: Sequence[str] | None = None) -> View:
+    """Make the view of a fit, in the unit box (y up, front +z).
 
-    scan: np.ndarray
-    """(N, 3) float32 points"""
-    retrieved_vertices: np.ndarray
-    """(V, 3) float32"""
-    retrieved_faces: np.ndarray
-    """(F, 3) int32"""
-    result_vertices: np.ndarray
-    """(W, 3) float32"""
-    result_faces: np.ndarray
-    """(G, 3) int32"""
-    titles: np.ndarray
-    """(3,) str"""
-
-    def camera(self) -> tuple[np.ndarray, float]:
-        """Centre (3,) and radius of a ball around everything shown, for one camera in all panels."""
-        everything = np.concatenate([self.scan, self.retrieved_vertices, self.result_vertices]).astype(np.float64)
-        low, high = everything.min(axis=0), everything.max(axis=0)
-        return (low + high) / 2, float(np.linalg.norm(high - low) / 2)
-
-
-def fit_scene(fit: _Pictured, scan: np.ndarray, titles: Sequence[str] | None = None) -> Scene:
-    """The scene of a fit; `scan` (N, 3) in its own frame and units, thinned to a few thousand points."""
+    Args:
+        scan: (N, 3) in its own frame and units; thinned to a few thousand points.
+        titles: of the three panels.
+    """
     points = np.asarray(scan, dtype=np.float64)
     points = points[:: max(1, -(-len(points) // _DRAWN_POINTS))]
-    retrieved, result = _arrays(fit.frame, fit.retrieved_mesh), _arrays(fit.frame, fit.mesh)
-    return Scene(
-        scan=fit.frame.to_unit(points).astype(np.float32),
-        retrieved_vertices=retrieved[0],
-        retrieved_faces=retrieved[1],
-        result_vertices=result[0],
-        result_faces=result[1],
-        titles=np.array(titles if titles is not None else _titles(fit), dtype=str),
+    cloud = fit.frame.to_unit(points).astype(np.float32)
+    retrieved, result = _mesh(fit.frame, fit.retrieved_mesh, _RETRIEVED), _mesh(fit.frame, fit.mesh, _RESULT)
+    by_height = _cloud(cloud, (), Style(point_size=9.0, balls=True))
+    over = _cloud(cloud, _POINTS, Style(point_size=5.0, balls=True, lifted=True))
+    every = np.concatenate([cloud, retrieved.vertices, result.vertices]).astype(np.float64)
+    low, high = every.min(axis=0), every.max(axis=0)
+    layers = ((by_height,), (retrieved,), (result, over))
+    return View(
+        panels=tuple(Panel(*each) for each in zip(titles or _titles(fit), layers, strict=True)),
+        size=PICTURE_SIZE,
+        center=(low + high) / 2,
+        radius=float(np.linalg.norm(high - low) / 2),
+        closeness=_CLOSENESS,
     )
 
 
@@ -104,58 +66,21 @@ def save_picture(fit: _Pictured, scan: np.ndarray, path: str | Path) -> bool:
         path: the PNG file; it is written whole or not at all.
 
     Returns:
-        Whether the picture was written. When neither pyvista nor matplotlib is installed or works, a `PictureWarning`
-        says so and nothing is written.
+        Whether the picture was written; see `kpred.rendering.draw.draw_view`.
 
     Raises:
         OutputError: the extension is not .png, or the file cannot be written there.
     """
-    target = Path(path)
-    if target.suffix.lower() != ".png":
-        raise OutputError(f"Cannot write {target}: pictures are .png files; give it that extension.")
-    scene = fit_scene(fit, scan)
-    drawn = False
-    with tempfile.TemporaryDirectory(prefix="kpred-picture-") as folder:
-        picture = Path(folder) / "picture.png"
-        trouble = _draw_apart(scene, Path(folder), picture)
-        if trouble is not None:
-            if find_spec("matplotlib") is None:
-                warnings.warn(f"No picture: {trouble}.", PictureWarning, stacklevel=2)
-                return False
-            from kpred.rendering.draw_matplotlib import draw_scene
-
-            warnings.warn(f"Plain picture by matplotlib: {trouble}.", PictureWarning, stacklevel=2)
-            draw_scene(scene, picture)
-        drawn = picture.stat().st_size > 0
-        with atomic_path(target) as temporary:
-            temporary.write_bytes(picture.read_bytes())
-    return drawn
+    return draw_view(fit_view(fit, scan), check_png(path))
 
 
-def _draw_apart(scene: Scene, folder: Path, picture: Path) -> str | None:
-    """Draw with pyvista in another process; None when that worked, else a clause that says why not and the mend."""
-    if find_spec("pyvista") is None:
-        return "pyvista is not installed (pip install 'kpred[pictures]')"
-    file = folder / "scene.npz"
-    center, radius = scene.camera()
-    arrays = {item.name: getattr(scene, item.name) for item in fields(scene)}
-    np.savez(file, **arrays, center=center, radius=radius, direction=VIEW_DIRECTION, size=PICTURE_SIZE)
-    # By path and not as a module: the other process then loads nothing of kpred, and no torch.
-    script = Path(__file__).with_name("draw_pyvista.py")
-    command = [sys.executable, "-P", str(script), str(file), str(picture)]
-    try:
-        done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, timeout=_SECONDS)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return f"drawing with pyvista failed ({type(error).__name__})"
-    if done.returncode == 0 and picture.is_file() and picture.stat().st_size:
-        return None
-    picture.unlink(missing_ok=True)
-    return "pyvista found no graphics library that works (on Debian or Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
+def _cloud(points: np.ndarray, color: Color | tuple[()], style: Style) -> Layer:
+    return Layer(points, np.zeros((0, 3), np.int32), np.array(color, np.uint8).reshape(-1, 3), style)
 
 
-def _arrays(frame: Frame, mesh: _TriangleMesh) -> tuple[np.ndarray, np.ndarray]:
+def _mesh(frame: Frame, mesh: Any, color: Color) -> Layer:
     vertices = frame.to_unit(np.asarray(mesh.vertices, dtype=np.float64)).astype(np.float32)
-    return vertices, np.asarray(mesh.faces, dtype=np.int32)
+    return Layer(vertices, np.asarray(mesh.faces, np.int32), np.array([color], np.uint8), Style(smooth=True))
 
 
 def _titles(fit: _Pictured) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kpred.ops.typing import Float, Int
 from kpred.rendering.overlay import draw_overlay
-from kpred.rendering.picture import VIEW_DIRECTION
+from kpred.rendering.view import square_camera
 from kpred.shapes.camera import Camera
 
 _FOCAL = 2.4
@@ -21,14 +21,7 @@ Picture = np.ndarray
 
 def view(size: int, reach: float = REACH) -> Camera:
     """The camera, from the front, the right and above; a ball of radius `reach` fills its picture of `size` pixels."""
-    toward = np.asarray(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
-    right = np.cross([0.0, 1.0, 0.0], toward)
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(right, toward), -toward], axis=1)
-    pose[:3, 3] = toward * _FOCAL * reach
-    focal, middle = _FOCAL * size / 2, (size - 1) / 2
-    return Camera(np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]]), size, size, pose)
+    return square_camera(np.zeros(3), _FOCAL * reach, _FOCAL, size)
 
 
 def blank(size: int) -> Picture:
