@@ -1,43 +1,10 @@
 """What goes to standard output and what does not."""
 
 import json
-from dataclasses import dataclass
-from pathlib import Path
 
-import numpy as np
 import pytest
-import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
-from kpred.cli.output import Output, plain
-
-
-@dataclass
-class Fact:
-    name: str
-    values: np.ndarray
-
-
-def test_plain_takes_arrays_tensors_paths_and_dataclasses() -> None:
-    value = {"fact": Fact("a", np.arange(3)), 1: torch.ones(2), "path": Path("a/b"), "bad": float("nan")}
-    assert plain(value) == {"fact": {"name": "a", "values": [0, 1, 2]}, "1": [1.0, 1.0], "path": "a/b", "bad": None}
-    assert plain(np.float32(0.5)) == 0.5
-    with pytest.raises(TypeError, match="object"):
-        plain(object())
-
-
-json_values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
-    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
-    max_leaves=20,
-)
-
-
-@given(json_values)
-def test_plain_leaves_json_as_it_is(value: object) -> None:
-    assert plain(value) == value
-    json.dumps(plain(value), allow_nan=False)
+from kpred.cli.output import Output
 
 
 def test_json_on_standard_output_people_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
