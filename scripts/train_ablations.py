@@ -239,7 +239,9 @@ def with_steps(job: Job, config: TrainConfig, stage: str, a_step: float) -> Trai
         # The first process to come here decides, and all others read what it decided.
         later = order[order.index(stage) :]
         left = (
-            (job.end - time.monotonic() - SETTING_UP * len(later)) * FRACTIONS[stage] / sum(FRACTIONS[name] for name in later)
+            (job.end - time.monotonic() - SETTING_UP * len(later))
+            * FRACTIONS[stage]
+            / sum(FRACTIONS[name] for name in later)
         )
         mine = max(PROBE, int((left - PROBE * a_step) / max(a_step, 1e-6) * SAFETY))
         try:

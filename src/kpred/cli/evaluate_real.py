@@ -48,14 +48,14 @@ class RealCommand(FitsCommand):
         from kpred.cli.progress import ProgressBar
         from kpred.evaluation.scans.outcome import FitSettings
         from kpred.evaluation.scans.real import RealConfig, evaluate_real
-        from kpred.fitting.defaults import as_database, as_model
+        from kpred.fitting.defaults import resolve_database, resolve_model
 
         if self.annotations is not None and self.scene is None:
             raise UsageError("--annotations says what stands in a scene; give --scene FOLDER too")
         if self.crops is None and self.scene is None:
             raise UsageError("no scans were named; try `kpred evaluate real --crops FOLDER` or `--scene FOLDER`")
         self.check()
-        settings = FitSettings(as_model(self.model), as_database(self.database), self.top_k, self.seed)
+        settings = FitSettings(resolve_model(self.model), resolve_database(self.database), self.top_k, self.seed)
         config = RealConfig(self.crops, self.up, self.scene, self.annotations)
         with ProgressBar() as bar:
             report = evaluate_real(config, settings, bar.update)

@@ -10,10 +10,10 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from kpred.evaluation.database_source import database_source
 from kpred.evaluation.metrics.symmetry import NONE, yaw_between, yaw_error
-from kpred.evaluation.scans.outcomes import Fitting
+from kpred.evaluation.scans.outcome import FitSettings
 from kpred.evaluation.scans.room_crops import KIND, CropTarget, collect_crop_samples, draw_crop_targets
-from kpred.evaluation.searched import searched
 from kpred.nn import Model
 from kpred.ops.rotations import yaw_rotation
 from kpred.synthetic.rooms.generate import generate_rooms
@@ -66,10 +66,10 @@ def test_the_truth_is_right_and_what_is_turned_or_named_otherwise_is_not(targets
 
 
 def test_crops_are_fitted(rooms: RoomPack, packs: dict[str, Path], model: Model) -> None:
-    with searched(list(packs.values()), model, None, 0, None, pytest.fail) as database:
-        how = Fitting(model, database, 1, 0)
+    with database_source(list(packs.values()), model, None, 0, None, pytest.fail) as database:
+        settings = FitSettings(model, database, 1, 0)
         remarks: list[str] = []
-        samples = collect_crop_samples([rooms], how, limit=3, report=remarks.append)
+        samples = collect_crop_samples([rooms], settings, limit=3, report=remarks.append)
     assert len(samples) + len(remarks) == 3
     assert all(sample.kind == KIND for sample in samples)
     facts: list[dict[str, Any]] = [sample.to_json() for sample in samples]

@@ -32,7 +32,7 @@ from kpred.evaluation.scans.run import (
 from kpred.evaluation.scans.targets import ScanTarget
 from kpred.evaluation.tables.packs import pack_files
 from kpred.evaluation.tables.targets import chosen_rows, limited
-from kpred.fitting.defaults import as_database, as_model
+from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.nn import Model
 from kpred.rendering.contact_sheet import Tile
 from kpred.shapes import MeshPack
@@ -62,7 +62,7 @@ def evaluate_catalogue(
         ModelError, DatabaseError: they are missing, do not fit each other, or the database lacks the packs' shapes.
     """
     plan = config or ScanConfig()
-    networks = as_model(model)
+    networks = resolve_model(model)
     remarks: list[str] = []
 
     def tell(sentence: str) -> None:
@@ -98,7 +98,7 @@ def _opened(
         networks[pack.category]
         if not len(pack.indices(SOURCE_SPLIT)):
             raise PackError(f"{file}: no shape is in the split '{SOURCE_SPLIT}' to scan; give another pack.")
-    given = as_database(None) if database is None and not loaded else database
+    given = resolve_database(None) if database is None and not loaded else database
     total = sum(len(pack.indices(SOURCE_SPLIT)) for pack in loaded.values())
     building = counter(progress, "database", total)
     return database_source(list(loaded), networks, given, plan.seed, building, report)

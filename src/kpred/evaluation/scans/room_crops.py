@@ -9,11 +9,12 @@ import numpy as np
 import torch
 import trimesh
 
+from kpred.evaluation.database_source import Progress
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import Symmetry, vertical_symmetry, yaw_between, yaw_error
 from kpred.evaluation.scans.calibration import CalibrationSample
-from kpred.evaluation.scans.outcomes import NEAR, YAW_RIGHT, Fitting, moved, tried
-from kpred.evaluation.searched import Progress
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FitSettings, moved, try_fit
+from kpred.evaluation.scans.scan_outcomes import NEAR
 from kpred.ops import Frame
 from kpred.ops.rotations import yaw_rotation
 from kpred.ops.typing import Float
@@ -81,7 +82,7 @@ def draw_crop_targets(
 
 def collect_crop_samples(
     rooms: Sequence[RoomPack],
-    how: Fitting,
+    settings: FitSettings,
     *,
     limit: int = 400,
     others: float = 0.3,
@@ -98,9 +99,9 @@ def collect_crop_samples(
         PackError: if there is no crop of one of the model's categories.
     """
     samples: list[CalibrationSample] = []
-    targets = draw_crop_targets(rooms, sorted(how.model.categories), limit, others, how.seed)
+    targets = draw_crop_targets(rooms, sorted(settings.model.categories), limit, others, settings.seed)
     for done, target in enumerate(targets, start=1):
-        found = tried(target.scan, how, up="y")
+        found = try_fit(target.scan, settings, up="y")
         if isinstance(found, str):
             report(f"no result: {target.category}: {found}")
         else:

@@ -26,7 +26,7 @@ from kpred.evaluation.tables.packs import OpenPack
 from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve
-from kpred.fitting.encoding import observe
+from kpred.fitting.encoding import encode_scan
 from kpred.nn import KPRed, Model
 from kpred.ops.typing import Float
 
@@ -94,7 +94,7 @@ def rank(
 ) -> Ranking:
     """Deform and refine all of a database to one target (unit box, known frame)."""
     store = pack.stores[model_name]
-    found = retrieve(observe(cloud[None], network, partial), 0, store, pack.category, len(pack.sources), partial)
+    found = retrieve(encode_scan(cloud[None], network, partial), 0, store, pack.category, len(pack.sources), partial)
     place = {name: row for row, name in enumerate(pack.sources.model_ids)}
     undeformed = cloud_errors(cloud, pack.sources.points, partial).numpy()
     return Ranking(

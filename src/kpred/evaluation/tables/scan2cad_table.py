@@ -36,7 +36,7 @@ from kpred.evaluation.tables.make_table import NOTE, loaded_models, methods_of
 from kpred.evaluation.tables.packs import Store, check_same_shapes, pack_files
 from kpred.evaluation.tables.table import Subject, Table
 from kpred.evaluation.tables.targets import Target
-from kpred.fitting.defaults import as_database
+from kpred.fitting.defaults import resolve_database
 from kpred.fitting.fit_scene import fit_scene
 from kpred.fitting.stages import SCAN_POINTS
 from kpred.nn import Model
@@ -90,7 +90,7 @@ def make_scan2cad_table(
         opened: dict[str, Database] = {}
         for name, model in loaded.items():
             building = counter(progress, f"database of {name}", 0)
-            given = stores.get(name) if name in stores or files else as_database(None)
+            given = stores.get(name) if name in stores or files else resolve_database(None)
             searching = database_source(files, model, given, config.seed, building, tell, cache=cache)
             opened[name] = stack.enter_context(searching)
         table.header["databases"] = {name: str(store.path) for name, store in opened.items()}
