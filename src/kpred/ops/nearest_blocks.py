@@ -148,8 +148,12 @@ def _look(block, qx, qy, qz, best, where, points, order):
 @no_type_check
 def _bounds(box, qx, qy, qz, bound):
     """Compute the squared distance of each block's box from the queries' box, rounded down."""
-    lx, ly, lz = qx.min(), qy.min(), qz.min()
-    hx, hy, hz = qx.max(), qy.max(), qz.max()
+    lx, ly, lz = qx[0], qy[0], qz[0]
+    hx, hy, hz = qx[0], qy[0], qz[0]
+    for lane in range(1, LANES):
+        lx, hx = min(lx, qx[lane]), max(hx, qx[lane])
+        ly, hy = min(ly, qy[lane]), max(hy, qy[lane])
+        lz, hz = min(lz, qz[lane]), max(hz, qz[lane])
     zero = np.float32(0)
     for j in range(len(bound)):
         above, below = box[0, j] - hx, lx - box[3, j]

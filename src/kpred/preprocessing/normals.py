@@ -94,7 +94,8 @@ def _principal(points, index, normals, planarity):
         for a in range(1, 3):
             least = a if matrix[a, a] < matrix[least, least] else least
             most = a if matrix[a, a] >= matrix[most, most] else most
-        normals[row] = axes[:, least]
+        for a in range(3):  # numba compiles an assignment of arrays for two seconds, this loop for none
+            normals[row, a] = axes[a, least]
         between = matrix[0, 0] + matrix[1, 1] + matrix[2, 2] - matrix[least, least] - matrix[most, most]
         planarity[row] = min(1.0, max(0.0, (between - matrix[least, least]) / max(matrix[most, most], tiny)))
 

@@ -19,7 +19,8 @@ def apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution
     count, controls = points.shape[0], spline.shape[1]
     along = np.empty(count, np.float32)
     for axis in range(3):
-        along[:] = points[:, axis]
+        for i in range(count):
+            along[i] = points[i, axis]
         for k in range(controls):
             value = np.float32(solution[axis, k])
             for i in range(count):
