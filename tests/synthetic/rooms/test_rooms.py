@@ -154,6 +154,12 @@ def test_hidden_places_are_not_seen(rooms: list[Room]) -> None:
     assert scan.views.sees(behind, tolerance).mean() < 0.1
 
 
+def test_a_single_view_is_never_empty(rooms: list[Room]) -> None:
+    for seed in range(20):
+        scan = scan_room(rooms[seed % len(rooms)], "view", np.random.default_rng(seed))
+        assert len(scan.points) > 5000, seed
+
+
 def test_one_view_shows_less_than_a_scan_by_hand(rooms: list[Room]) -> None:
     room = rooms[0]
     surface = np.concatenate([surface_of(item, 0.05) for item in room.objects if item.category in FURNITURE])

@@ -20,6 +20,11 @@ CARVED = 0.05
 """Images that see this much farther (metres) than a fused point speak against it."""
 
 
+OPEN_VIEW, VIEW_TRIES = 0.5, 12
+"""Fraction of a single view's pixels that show something beyond 1.2 m and within range, and how many poses are tried
+for it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Views:
     """What the cameras of a scan could have seen.
@@ -108,9 +113,11 @@ def _setting(scanner: str, rng: np.random.Generator) -> _Setting:
 def scan_room(room: Room, scanner: str, rng: np.random.Generator) -> RoomScan:
     """Scan a room with one of `SCANNERS`."""
     setting = _setting(scanner, rng)
-    poses = _poses(room, scanner, rng)
-    estimated = drifted(poses, setting.shift, setting.turn, rng)
     vertices, faces, owner = room.surfaces()
+    poses = _poses(room, scanner, rng)
+    if scanner == "view":
+        poses = _open_view(room, (vertices, faces), poses, setting, rng)
+    estimated = drifted(poses, setting.shift, setting.turn, rng)
     normals = _normals(vertices, faces)
     loss = np.array([item.loss for item in room.objects])[owner]
     true, noisy, clouds = [], [], []
@@ -133,6 +140,22 @@ def scan_room(room: Room, scanner: str, rng: np.random.Generator) -> RoomScan:
     # A cell averages across an edge of its object.
     deviation += 2 * setting.cell + setting.slab / 2 + setting.warp + 5 * setting.rough
     return RoomScan(points[chosen], labels[chosen], scanner, views, deviation)
+
+
+def _open_view(
+    room: Room, surfaces: tuple[np.ndarray, np.ndarray], pose: np.ndarray, setting: _Setting, rng: np.random.Generator
+) -> np.ndarray:
+    """(1, 4, 4) pose that sees enough: the given one, or another where the camera stands before or in something."""
+    best, most, tried = pose, -1.0, pose
+    for _ in range(VIEW_TRIES):
+        depth, _ = render_frame(*surfaces, tried[0], setting.focal / 4, setting.width // 4, setting.height // 4)
+        share = float(((depth > 1.2) & (depth < setting.sensor.far)).mean())
+        if share > most:
+            best, most = tried, share
+        if share > OPEN_VIEW:
+            break
+        tried = single_pose(room, rng)
+    return best
 
 
 def _poses(room: Room, scanner: str, rng: np.random.Generator) -> np.ndarray:
