@@ -52,7 +52,7 @@ class Troubled(DeformationStage):
 def perform(job: dict[str, Any], world: World) -> dict[str, Any]:
     """Train, or show one step's gradients."""
     network = new_network(job["model"], world.rank)  # the first process's weights must win
-    data = world.fraction(lambda: job["data"], "cpu")
+    data = world.broadcast(lambda: job["data"], "cpu")
     if job["name"] == "step":
         network.load_state_dict(job["weights"])
         work = DeformationStage(network, data, job["train"])

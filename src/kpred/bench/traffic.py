@@ -40,7 +40,7 @@ class _Traffic(TorchDispatchMode):
     """Counts bytes of all operations that touch memory: views do not."""
 
     def __init__(self, cost: Cost) -> None:
-        super().__init__()
+        super().__init__()  # type: ignore[no-untyped-call]
         self.cost = cost
 
     def __torch_dispatch__(

@@ -23,7 +23,7 @@ from kpred.fitting.stages import Context, align, find_up, propose_poses, try_pos
 from kpred.fitting.stages import clean as clean_points
 from kpred.nn import Model
 from kpred.pose.estimators import PoseEstimator
-from kpred.preprocessing.clean import CleanConfig
+from kpred.preprocessing.config import CleanConfig
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 

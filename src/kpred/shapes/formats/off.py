@@ -16,7 +16,7 @@ from kpred.shapes.formats.text_lines import open_lines
 
 _KEYWORD = re.compile(rb"(ST)?C?N?(4)?(n)?OFF", re.IGNORECASE)
 
-_Parsed = tuple[array, array, array]
+_Parsed = tuple["array[float]", "array[int]", "array[int]"]
 """Coordinates, corners of all faces, corners of each face."""
 
 
