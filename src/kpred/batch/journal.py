@@ -20,6 +20,7 @@ from kpred.atomic import atomic_path
 from kpred.batch.task import Task
 from kpred.database.address import without_password
 from kpred.errors import ManifestError, OutputError
+from kpred.json_output import write_json
 
 
 class Journal:
@@ -93,8 +94,7 @@ class Journal:
                 raise ManifestError(
                     f"{self.folder}: job.json is missing beside results; choose another folder."
                 ) from None
-            with atomic_path(file) as temporary:
-                temporary.write_text(json.dumps(job, indent=1) + "\n", encoding="utf-8")
+            write_json(file, job, indent=1)
             return
         except (OSError, ValueError, RecursionError) as error:
             raise ManifestError(f"{file} cannot be read; choose another output folder.") from error
@@ -104,8 +104,7 @@ class Journal:
             stored = before["database"]
             before["database"] = without_password(stored)
             if before["database"] != stored:  # Earlier versions kept it.
-                with atomic_path(file) as temporary:
-                    temporary.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
+                write_json(file, before, indent=1)
         other = [key for key in sorted({*before, *job}) if before.get(key) != job.get(key)]
         if other:
             raise ManifestError(

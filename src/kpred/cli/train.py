@@ -16,11 +16,10 @@ from kpred.cli.output import Output
 from kpred.cli.processes import joined_world, own_device
 from kpred.cli.train_confidence import ConfidenceCommand
 from kpred.cli.train_peer import PEER_COMMANDS
-from kpred.cli.train_visibility import VisibilityCommand
+from kpred.cli.train_scan_networks import RecognitionCommand, VisibilityCommand
 from kpred.cli.usage import UsageError
 from kpred.nn.config import PRESETS, ModelConfig
 from kpred.training.config import PAPER, TrainConfig
-from kpred.training.recognition_config import RecognitionConfig
 
 if TYPE_CHECKING:
     from kpred.training.distributed import World
@@ -166,78 +165,6 @@ class AllCommand(_TrainCommand):
       kpred train all chair.npz -o runs/without-attention --model.no-self-attention
       kpred train all chair.npz -o runs/short --deformation.steps 500 --retrieval.steps 500 --partial.steps 500
     """
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecognitionCommand(Command):
-    """Train the recognizer, which tells category and yaw of a scan, on packs of all categories of a model.
-
-    Its weights go to FOLDER/model; as the folder `recognizer` beside the categories' folders of a model they are used.
-    A pack of the category `other` (`kpred data generate other`) shows what is none of them.
-
-    examples:
-      kpred train recognition chair.npz table.npz other.npz -o runs/recognizer
-      kpred train recognition packs/*.npz -o runs/recognizer --optimisation.steps 10000
-      kpred train recognition packs/*.npz --room-packs rooms.npz -o runs/recognizer
-    """
-
-    packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
-    """Mesh packs (.npz) of all categories and of other things; the splits source and train are used"""
-    room_packs: Annotated[tuple[Path, ...], arg(metavar="ROOMS [ROOMS ...]")] = ()
-    """Room packs (`kpred data rooms`): crops of them are half of what is trained with (--rooms says which fraction)"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")] = Path("runs/recognizer")
-    """Run folder: checkpoint, TensorBoard log, weights in FOLDER/model"""
-    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
-    """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
-    threads: Annotated[int | None, arg(metavar="N")] = None
-    """CPU threads; without it, as many as torch chooses"""
-    start_from: Annotated[Path | None, arg(metavar="FOLDER")] = None
-    """Start with the weights of this recognizer"""
-    resume: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Start anew in a folder that holds a stopped run, and not where it stopped"""
-    training: Annotated[RecognitionConfig, arg(name="")] = field(default_factory=RecognitionConfig)
-
-    def run(self, output: Output) -> None:
-        """Train with a progress bar; print where the weights are."""
-        from kpred.cli.progress import ProgressBar
-        from kpred.shapes.pack import MeshPack
-        from kpred.synthetic.rooms.pack import RoomPack
-        from kpred.training.recognition import train_recognizer
-
-        if not self.packs:
-            raise UsageError("no pack was named; try `kpred train recognition CHAIR.npz TABLE.npz -o FOLDER`")
-        if self.threads is not None:
-            limit_threads(self.threads)
-        last: dict[str, float] = {}
-        began = time.perf_counter()
-        device = own_device(self.device)
-        with joined_world(device) as world, ProgressBar() as bar:
-
-            def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
-                last.update(losses)
-                bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
-
-            packs = [MeshPack.load(path) for path in self.packs]
-            network = train_recognizer(
-                packs,
-                self.training,
-                self.output,
-                device,
-                bar.update,
-                report,
-                self.resume,
-                start_from=self.start_from,
-                world=world,
-                rooms=[RoomPack.load(path) for path in self.room_packs],
-            )
-        if not world.is_first:
-            return
-        seconds = time.perf_counter() - began
-        weights = self.output / "model"
-        output.result(
-            {"model": weights, "categories": network.config.categories, "seconds": seconds, "last_losses": last}
-        )
-        output.note(f"weights: {weights} ({', '.join(network.config.categories)}; {seconds:.0f} s)")
 
 
 def default(kind: type[Command], words: list[str]) -> Command:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -20,6 +19,7 @@ from kpred.atomic import atomic_path
 from kpred.datasets.check import Issue
 from kpred.datasets.dataset import Dataset, ShapeFile, found_in
 from kpred.errors import ConfigError, MeshError, OutputError, PackError
+from kpred.json_output import write_json
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
 
@@ -114,8 +114,7 @@ def prepare_dataset(
     issues = tuple(skipped[index] for index in sorted(skipped))
     result = Prepared(packs, found, issues, fresh, len(usable) - fresh)
     record = {"kind": dataset.kind, "found": found, "skipped": [vars(issue) for issue in issues]}
-    with atomic_path(place / RECORD) as temporary:
-        temporary.write_text(json.dumps(record, indent=2) + "\n")
+    write_json(place / RECORD, record)
     return result
 
 

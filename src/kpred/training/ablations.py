@@ -16,8 +16,8 @@ from typing import Any
 
 import torch
 
-from kpred.atomic import atomic_path
 from kpred.errors import CheckpointError, ConfigError, OutputError
+from kpred.json_output import write_json
 from kpred.nn import STAGES, KPRed, ModelConfig, save_network
 from kpred.nn.weights import WEIGHTS_FILE
 from kpred.shapes.pack import MeshPack
@@ -256,8 +256,7 @@ class AblationRuns:
             raise OutputError(f"Cannot make the folder {folder}: {error.strerror}; choose another.") from error
         values = {**self._facts(row), "finished": finished or record.get("finished") is True}
         if values != record:
-            with atomic_path(folder / RECORD) as temporary:
-                temporary.write_text(json.dumps(values, indent=2) + "\n")
+            write_json(folder / RECORD, values)
 
     def _changed(self, row: Ablation, record: dict[str, Any]) -> list[str]:
         """Return the names of settings in which a record differs from this run."""

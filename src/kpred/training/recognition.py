@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import os
 from collections.abc import Sequence
@@ -14,8 +13,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from kpred.atomic import atomic_path
-from kpred.errors import ConfigError
 from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MAX_YAW_CORRECTION, Recognizer, RecognizerConfig
 from kpred.shapes.pack import MeshPack
@@ -31,11 +28,12 @@ from kpred.training.augmentation import (
 )
 from kpred.training.data import Progress
 from kpred.training.distributed import SINGLE, World
-from kpred.training.loop import StepReport, optimise, resumable
+from kpred.training.loop import StepReport
 from kpred.training.recognition_config import RecognitionConfig
-from kpred.training.recognition_data import RecognitionData, prepare_recognition
+from kpred.training.recognition_data import OTHER, RecognitionData, prepare_recognition
 from kpred.training.room_crops import RoomCrops, prepare_crops, segmented
 from kpred.training.single_stage import SingleStage
+from kpred.training.single_stage_run import fresh_network, run_stage, take_weights, write_scan_record
 
 RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
 """A cloud that is off by less than the first stands right, by more than the second wrongly; between, none is taught."""
@@ -181,31 +179,14 @@ def train_recognizer(
     earlier = None if start_from is None else load_recognizer(start_from)
     usual = RecognizerConfig() if earlier is None else earlier.config
     architecture = dataclasses.replace(model or usual, categories=data.categories)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(config.seed)
-        network = Recognizer(architecture).to(device)
-    if earlier is not None:
+    network = fresh_network(lambda: Recognizer(architecture), config.seed).to(device)
+    if earlier is not None and start_from is not None:
         earlier.second = None
-        if earlier.config != architecture:
-            raise ConfigError(f"{start_from} holds another kind of recognizer; give the same categories and settings.")
-        network.load_state_dict(earlier.state_dict())
-    where = data.clouds.device
-    known = architecture.to_dict()
-    checkpoint = resumable(folder, "recognition", known, config.to_dict(), where, world) if resume else None
-    if checkpoint:
-        network.load_state_dict(checkpoint.weights)
-    optimise(RecognitionStage(network, data, config, crops), checkpoint, folder, where, 3, report, world=world)
-    if not world.is_first:
-        return network
-    save_recognizer(network, folder / "model")
-    numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
-    record = {
-        "model": known,
-        "start_from": None if start_from is None else str(start_from),
-        "training": config.to_dict(),
-        "shapes": dict(zip((*data.categories, "other"), numbers, strict=True)),
-        "crops": {} if crops is None else crops.numbers(),
-    }
-    with atomic_path(folder / "model" / "training.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=2) + "\n")
+        take_weights(network, earlier, start_from, "recognizer")
+    stage = RecognitionStage(network, data, config, crops)
+    run_stage(stage, folder, 3, report, resume, world)
+    if world.is_first:
+        save_recognizer(network, folder / "model")
+        numbers = torch.bincount(data.category, minlength=len(data.categories) + 1).tolist()
+        write_scan_record(stage, folder, dict(zip((*data.categories, OTHER), numbers, strict=True)), crops, start_from)
     return network

@@ -10,12 +10,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from kpred.errors import MeshError, PackError, ScanError
-from kpred.ops import nearest_neighbours, sample_surface, unit_box_frame
+from kpred.errors import PackError
+from kpred.ops import nearest_neighbours
 from kpred.ops.typing import Float, Int
 from kpred.shapes.pack import MeshPack
 from kpred.training.augmentation import yaw_matrices
-from kpred.training.data import POOL_POINTS, Progress
+from kpred.training.data import Progress
+from kpred.training.dense_clouds import sampled_shapes
 
 OTHER = "other"
 """Category of packs of things that are of none of the categories."""
@@ -76,30 +77,14 @@ def prepare_recognition(
     generator = torch.Generator(device=device).manual_seed(seed)
     categories = tuple(sorted({pack.category for pack in packs} - {OTHER}))
     clouds, category, samples, period = [], [], [], []
-    total = sum(len(pack) for pack in packs)
-    done = 0
-    for pack in packs:
-        kind = categories.index(pack.category) if pack.category in categories else len(categories)
-        for index in range(len(pack)):
-            done += 1
-            if progress:
-                progress("scanning shapes", done, total)
-            if str(pack.split[index]) not in ("source", "train"):
-                continue
-            mesh = pack[index]
-            try:
-                frame = unit_box_frame(mesh.vertices)
-                corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float().to(device)
-                faces = torch.from_numpy(mesh.faces).long().to(device)
-                cloud = sample_surface(corners, faces, POOL_POINTS, generator)[0]
-            except (ScanError, MeshError):
-                continue
-            clouds.append(cloud.half())
-            category.append(len(categories) if _is_sofa(pack, index) else kind)
-            samples.append(cloud[: 2 * SYMMETRY_POINTS])
-            if len(samples) == AT_ONCE:
-                period.append(_periods(samples))
-                samples = []
+    for shape in sampled_shapes(packs, generator, device, progress):
+        known = shape.pack.category in categories and not _is_sofa(shape.pack, shape.index)
+        clouds.append(shape.cloud.half())
+        category.append(categories.index(shape.pack.category) if known else len(categories))
+        samples.append(shape.cloud[: 2 * SYMMETRY_POINTS])
+        if len(samples) == AT_ONCE:
+            period.append(_periods(samples))
+            samples = []
     period += [_periods(samples)] if samples else []
     if len(clouds) < 2 or not categories:
         raise PackError("The mesh packs hold too few shapes to recognize; give packs with splits source and train.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -11,8 +10,8 @@ from typing import Any
 
 import torch
 
-from kpred.atomic import atomic_path
 from kpred.errors import CheckpointError, ConfigError, OutputError
+from kpred.json_output import write_json
 from kpred.nn import STAGES, KPRed, ModelConfig, load_model
 from kpred.shapes.pack import MeshPack
 from kpred.training.checkpoint import Checkpoint
@@ -150,5 +149,4 @@ def _record(
     }
     if processes > 1:
         values["processes"] = processes  # each with batches of its own
-    with atomic_path(folder / "model" / "training.json") as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n")
+    write_json(folder / "model" / "training.json", values)

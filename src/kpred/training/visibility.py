@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import os
 from collections.abc import Sequence
@@ -14,8 +13,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from kpred.atomic import atomic_path
-from kpred.errors import ConfigError
 from kpred.nn.loading import load_visibility, save_visibility
 from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
 from kpred.ops.typing import Float, Int
@@ -24,9 +21,10 @@ from kpred.synthetic.rooms.pack import RoomPack
 from kpred.training.augmentation import in_full_precision, random_factors, yaw_matrices
 from kpred.training.data import Progress
 from kpred.training.distributed import SINGLE, World
-from kpred.training.loop import StepReport, optimise, resumable
+from kpred.training.loop import StepReport
 from kpred.training.room_crops import RoomCrops, prepare_crops
 from kpred.training.single_stage import SingleStage
+from kpred.training.single_stage_run import fresh_network, run_stage, take_weights, write_scan_record
 from kpred.training.visibility_config import VisibilityTraining
 from kpred.training.visibility_crops import BOX, draw_crop_scans
 from kpred.training.visibility_data import VisibilityData, prepare_visibility
@@ -153,30 +151,13 @@ def train_visibility(
         crops = world.broadcast(lambda: prepare_crops(rooms, data.categories, config.seed, device, progress), device)
     earlier = None if start_from is None else load_visibility(start_from)
     architecture = model or (VisibilityConfig() if earlier is None else earlier.config)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(config.seed)
-        network = VisibilityNetwork(architecture).to(device)
-    if earlier is not None:
-        if earlier.config != architecture:
-            raise ConfigError(f"{start_from} holds another kind of visibility network; give the same settings.")
-        network.load_state_dict(earlier.state_dict())
-    where = data.clouds.device
-    known = architecture.to_dict()
-    checkpoint = resumable(folder, "visibility", known, config.to_dict(), where, world) if resume else None
-    if checkpoint:
-        network.load_state_dict(checkpoint.weights)
-    optimise(VisibilityStage(network, data, config, crops), checkpoint, folder, where, 4, report, world=world)
-    if not world.is_first:
-        return network
-    save_visibility(network, folder / "model")
-    numbers = torch.bincount(data.category, minlength=len(data.categories)).tolist()
-    record = {
-        "model": known,
-        "training": config.to_dict(),
-        "start_from": None if start_from is None else str(start_from),
-        "shapes": dict(zip(data.categories, numbers, strict=True)),
-        "crops": {} if crops is None else crops.numbers(),
-    }
-    with atomic_path(folder / "model" / "training.json") as temporary:
-        temporary.write_text(json.dumps(record, indent=2) + "\n")
+    network = fresh_network(lambda: VisibilityNetwork(architecture), config.seed).to(device)
+    if earlier is not None and start_from is not None:
+        take_weights(network, earlier, start_from, "visibility network")
+    stage = VisibilityStage(network, data, config, crops)
+    run_stage(stage, folder, 4, report, resume, world)
+    if world.is_first:
+        save_visibility(network, folder / "model")
+        numbers = torch.bincount(data.category, minlength=len(data.categories)).tolist()
+        write_scan_record(stage, folder, dict(zip(data.categories, numbers, strict=True)), crops, start_from)
     return network

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from kpred.errors import MeshError, PackError, ScanError
-from kpred.ops import sample_surface, unit_box_frame
+from kpred.errors import PackError
 from kpred.ops.typing import Float, Int
-from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
-from kpred.training.data import POOL_POINTS, Progress
+from kpred.training.data import Progress
+from kpred.training.dense_clouds import sampled_shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,19 +53,8 @@ def prepare_visibility(
     """
     generator = torch.Generator(device=device).manual_seed(seed)
     found: dict[str, list[Tensor]] = {pack.category: [] for pack in packs}
-    total, done = sum(len(pack) for pack in packs), 0
-    for pack in packs:
-        for index in range(len(pack)):
-            done += 1
-            if progress:
-                progress("scanning shapes", done, total)
-            if str(pack.split[index]) not in ("source", "train"):
-                continue
-            try:
-                cloud = dense_cloud(pack[index], POOL_POINTS, generator, device)
-            except (ScanError, MeshError):
-                continue
-            found[pack.category].append(cloud.half())
+    for shape in sampled_shapes(packs, generator, device, progress):
+        found[shape.pack.category].append(shape.cloud.half())
     few = sorted(name for name, clouds in found.items() if len(clouds) < 2)
     if few or not found:
         raise PackError(f"Too few shapes ({', '.join(few) or 'no pack'}); give two or more a category to train with.")
@@ -77,17 +65,3 @@ def prepare_visibility(
         torch.arange(len(categories), device=device).repeat_interleave(numbers),
         torch.stack([cloud for name in categories for cloud in found[name]]),
     )
-
-
-def dense_cloud(
-    mesh: Mesh, count: int, generator: torch.Generator, device: torch.device | str = "cpu"
-) -> Float[Tensor, "count 3"]:
-    """Sample points (unit box) of a mesh's whole surface, inner faces included, in random order.
-
-    Raises:
-        ScanError, MeshError: if the mesh has no extent or no area.
-    """
-    frame = unit_box_frame(mesh.vertices)
-    corners = torch.from_numpy(frame.to_unit(mesh.vertices)).float().to(device)
-    faces = torch.from_numpy(mesh.faces).long().to(device)
-    return sample_surface(corners, faces, count, generator)[0]

@@ -15,8 +15,8 @@ from kpred.nn.visibility import VisibilityNetwork, thinned
 from kpred.ops.typing import Bool, Float
 from kpred.shapes.pack import MeshPack
 from kpred.training.data import POOL_POINTS
+from kpred.training.dense_clouds import dense_cloud
 from kpred.training.visibility_config import VisibilityTraining
-from kpred.training.visibility_data import dense_cloud
 from kpred.training.visibility_scans import KINDS, draw_visible, sample_scans
 
 PLACES = 512

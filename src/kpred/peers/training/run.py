@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence, Sized
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,8 +9,8 @@ from typing import Any
 
 import torch
 
-from kpred.atomic import atomic_path
 from kpred.errors import PackError
+from kpred.json_output import write_json
 from kpred.nn import KPRed
 from kpred.peers.networks.keypoint_deformer import KeypointDeformer, KeypointDeformerConfig
 from kpred.peers.networks.loading import peer_name, save_peer
@@ -35,7 +34,9 @@ from kpred.peers.training.u_red import URedStage
 from kpred.peers.training.uy2021 import Uy2021Stage
 from kpred.shapes.pack import MeshPack
 from kpred.training.data import Progress, TrainingData, prepare
-from kpred.training.loop import StepReport, Work, optimise, resumable
+from kpred.training.loop import StepReport
+from kpred.training.single_stage import SingleStage
+from kpred.training.single_stage_run import RECORD, fresh_network, run_stage
 
 STREAM = 4
 """Which of the random streams of one seed is the peers'."""
@@ -55,7 +56,7 @@ class Prepared:
     """
 
     network: Any
-    stage: Callable[[Any], Work]
+    stage: Callable[[Any], SingleStage[Any]]
     shapes: dict[str, int]
 
 
@@ -121,13 +122,7 @@ def run_peer(
         CheckpointError: if the folder holds a run with other settings or sources.
         OutputError: if the folder cannot be written.
     """
-    network = prepared.network
-    device = next(network.parameters()).device
-    work = prepared.stage(config)
-    checkpoint = resumable(folder, work.name, work.model_config(), config.to_dict(), device) if resume else None
-    if checkpoint:
-        network.load_state_dict(checkpoint.weights)
-    optimise(work, checkpoint, folder, device, STREAM, report, log)
+    run_stage(prepared.stage(config), folder, STREAM, report, resume, log=log)
     keep(prepared, config, folder)
 
 
@@ -146,8 +141,7 @@ def keep(prepared: Prepared, config: PeerTraining, folder: Path, steps: int | No
     }
     if steps is not None:
         values["stopped_after"] = steps
-    with atomic_path(folder / "model" / "training.json") as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n")
+    write_json(folder / "model" / RECORD, values)
 
 
 def _keypoint_deformer(
@@ -157,7 +151,7 @@ def _keypoint_deformer(
     device: Device,
     progress: Progress | None,
 ) -> Prepared:
-    network = _made(lambda: KeypointDeformer(model), config.seed).to(device)
+    network = fresh_network(lambda: KeypointDeformer(model), config.seed).to(device)
     # The preparation asks the network for nothing but cages, and this one makes the same.
     data = prepare(list(packs), KPRed(model.model_config()), config.points, config.seed, device, progress=progress)
     return Prepared(network, lambda c: KeypointDeformerStage(network, data, c), _count(data, data.sources))
@@ -170,7 +164,7 @@ def _neural_cages(
     device: Device,
     progress: Progress | None,
 ) -> Prepared:
-    network = _made(lambda: NeuralCages(model), config.seed).to(device)
+    network = fresh_network(lambda: NeuralCages(model), config.seed).to(device)
     data = prepare(list(packs), None, config.points, config.seed, device, progress=progress)
     return Prepared(network, lambda c: NeuralCagesStage(network, data, c), _count(data, data.sources))
 
@@ -179,7 +173,7 @@ def _uy2021(
     packs: Sequence[MeshPack], model: Uy2021Config, config: Uy2021Training, device: Device, progress: Progress | None
 ) -> Prepared:
     sources = read_part_sources(packs, model.parts, config.seed, SOURCE_SPLIT, progress).to(device)
-    network = _made(lambda: Uy2021(replace(model, sources=sources.model_ids)), config.seed).to(device)
+    network = fresh_network(lambda: Uy2021(replace(model, sources=sources.model_ids)), config.seed).to(device)
     data = prepare(list(packs), None, config.points, config.seed, device, SOURCE_SPLIT, progress)
     return Prepared(network, lambda c: Uy2021Stage(network, data, sources, c), _count(data, sources.points))
 
@@ -188,7 +182,7 @@ def _u_red(
     packs: Sequence[MeshPack], model: URedConfig, config: URedTraining, device: Device, progress: Progress | None
 ) -> Prepared:
     sources = read_part_sources(packs, model.parts, config.seed, SOURCE_SPLIT, progress).to(device)
-    network = _made(lambda: URed(model), config.seed).to(device)
+    network = fresh_network(lambda: URed(model), config.seed).to(device)
     data = prepare(list(packs), None, config.points, config.seed, device, SOURCE_SPLIT, progress)
     return Prepared(network, lambda c: URedStage(network, data, sources, c), _count(data, sources.points))
 
@@ -202,15 +196,8 @@ def _shapeflow(
 ) -> Prepared:
     data = prepare(list(packs), None, config.points, config.seed, device, SOURCE_SPLIT, progress)
     refuse_twins(data.model_ids)
-    network = _made(lambda: ShapeFlow(replace(model, sources=data.model_ids)), config.seed).to(device)
+    network = fresh_network(lambda: ShapeFlow(replace(model, sources=data.model_ids)), config.seed).to(device)
     return Prepared(network, lambda c: ShapeFlowStage(network, data, c), _count(data, data.sources))
-
-
-def _made(build: Callable[[], Any], seed: int) -> Any:
-    """Return initialise a fresh network, preserving the caller's random state."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        return build()
 
 
 def _count(data: TrainingData, sources: Sized) -> dict[str, int]:
