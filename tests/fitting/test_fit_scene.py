@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from kpred.database import Database, build_database
 from kpred.errors import ConfigError, DatabaseError, OutputError, ScanError
 from kpred.fitting import fit_scene as scene_module
-from kpred.fitting.fit_scene import SceneFit, fit_scene, upright
+from kpred.fitting.fit_scene import SceneFit, fit_scene
 from kpred.nn import Model, ModelConfig
 from kpred.rendering.draw import PictureWarning
 from kpred.rendering.scene_picture import PICTURE_SIZE, save_scene_picture, scene_view
@@ -267,19 +267,6 @@ def test_only_glb(fitted: SceneFit, tmp_path: Path) -> None:
         fitted.to_glb(tmp_path / "scene.obj")
     with pytest.raises(OutputError, match=r"\.png"):
         save_scene_picture(fitted, tmp_path / "scene.jpg")
-
-
-@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
-def test_upright_turns_the_up_axis_to_y(up: str) -> None:
-    turn = upright(up)
-    axis = np.eye(3)["xyz".index(up[-1])] * (-1 if up.startswith("-") else 1)
-    np.testing.assert_array_equal(turn @ axis, [0, 1, 0])
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
-    assert np.linalg.det(turn) == pytest.approx(1)
-
-
-def test_z_up_turns_as_documented() -> None:
-    np.testing.assert_allclose(upright("z") @ [1, 2, 3], [1, 3, -2])
 
 
 def test_the_view_is_that_of_the_glb(fitted: SceneFit) -> None:

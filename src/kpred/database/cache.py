@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
-from threading import Lock
 from typing import Generic, TypeVar
 
 from kpred.database.entry import Entry
 from kpred.database.rows import FittingArrays
 from kpred.database.search import Index
+from kpred.lru_cache import LruCache
 
 MAX_ARRAYS, MAX_ENTRIES = 4096, 128
 """Number of models cached: fitting arrays (150 kB each) and whole entries (a few hundred kB each)."""
@@ -21,30 +20,27 @@ Value = TypeVar("Value")
 
 
 class BoundedCache(Generic[Value]):
-    """Values by name, at most `capacity`, oldest dropped first; safe to share between threads."""
+    """Values by name, at most `capacity` (None: no limit); safe to share between threads."""
 
     def __init__(self, capacity: int | None = None, accepts: Callable[[Value], bool] = lambda _: True) -> None:
-        """Make an empty cache; None for no limit, `accepts`: which values may be cached."""
-        self._capacity, self._accepts = capacity, accepts
-        self._values: OrderedDict[str, Value] = OrderedDict()
-        self._lock = Lock()
+        """Make an empty cache; `accepts`: which values may be cached."""
+        self._values: LruCache[str, Value] = LruCache(capacity)
+        self._accepts = accepts
 
     def get(self, names: Iterable[str]) -> dict[str, Value]:
         """Return the cached values among these names."""
-        with self._lock:
-            return {name: self._values[name] for name in names if name in self._values}
+        found = ((name, self._values.get(name)) for name in names)
+        return {name: value for name, value in found if value is not None}
 
     def put(self, values: Mapping[str, Value]) -> None:
-        """Add values, dropping the oldest beyond the capacity."""
-        with self._lock:
-            self._values.update({name: value for name, value in values.items() if self._accepts(value)})
-            while self._capacity is not None and len(self._values) > self._capacity:
-                self._values.popitem(last=False)
+        """Add the values that may be cached."""
+        for name, value in values.items():
+            if self._accepts(value):
+                self._values.put(name, value)
 
     def clear(self) -> None:
         """Drop all values."""
-        with self._lock:
-            self._values.clear()
+        self._values.clear()
 
 
 class DatabaseCache:

@@ -19,7 +19,7 @@ from kpred.database.rows import new_epoch
 from kpred.database.schema import APPLICATION_ID, SCHEMA_VERSION, Base, InfoRow
 from kpred.errors import DatabaseError
 
-OLDEST = 1
+OLDEST = 2
 """The oldest format that `update_database` brings up to date."""
 
 _ABANDONED = 86_400.0

@@ -13,8 +13,8 @@ APPLICATION_ID = 0x4B505244
 """`PRAGMA application_id` of a kpred database ("KPRD")."""
 
 SCHEMA_VERSION = 3
-"""`PRAGMA user_version`: raised when a table or its content changes. Format 1 had no `epoch` in `info`, format 2 no
-structure of meshes in `array`; `kpred.database.update` brings them up to date."""
+"""`PRAGMA user_version`: raised when a table or its content changes. Format 2 had no structure of meshes in
+`array`; `kpred.database.update` brings it up to date."""
 
 
 class Base(DeclarativeBase):

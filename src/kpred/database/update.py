@@ -18,7 +18,7 @@ from kpred.database.entry import POINT_STEP, unpack_frame
 from kpred.database.point_faces import faces_of_points
 from kpred.database.postgres import PostgresBackend
 from kpred.database.postgres_schema import is_current, upgrade_tables
-from kpred.database.rows import new_epoch, of_model, read_arrays, read_epoch
+from kpred.database.rows import of_model, read_arrays
 from kpred.database.schema import SCHEMA_VERSION, ArrayRow, InfoRow, ModelRow
 from kpred.database.structure_arrays import check_structure, pack_structure
 from kpred.database.surface import analyse_surface
@@ -54,8 +54,6 @@ def _update_file(path: Path, progress: Progress | None, timeout: float) -> int:
         ):
             if int(connection.exec_driver_sql("PRAGMA user_version").scalar_one()) == SCHEMA_VERSION:
                 return 0
-            if read_epoch(connection) is None:  # format 1 had none
-                connection.execute(insert(InfoRow).values(key="epoch", value=new_epoch()))
             updated = _add_structures(connection, progress)
             version = update(InfoRow).where(InfoRow.key == "schema_version").values(value=str(SCHEMA_VERSION))
             connection.execute(version)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 import torch
@@ -13,6 +11,7 @@ from torch import Tensor
 
 from kpred.database import Database
 from kpred.fitting.encoding import ScanEncoding
+from kpred.lru_cache import LruCache
 from kpred.ops.chamfer_cpu import chamfer_of_each
 from kpred.ops.typing import Float
 from kpred.ops.weighted_sums import deformed
@@ -27,8 +26,7 @@ from kpred.shapes.structure import Structure
 MAX_MODELS = 256
 """Models that are kept ready for structure-keeping fits: some 700 kB each."""
 
-_models: OrderedDict[tuple[Structure, StructureConfig], StructureModel] = OrderedDict()
-_lock = Lock()
+_models: LruCache[tuple[Structure, StructureConfig], StructureModel] = LruCache(MAX_MODELS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +64,12 @@ class Candidates:
         """Build the structure model of one row, cached in memory."""
         assert self.point_parts is not None and self.point_normals is not None
         key = (self.structures[row], config)
-        with _lock:
-            found = _models.get(key)
-            if found is not None:
-                _models.move_to_end(key)
-                return found
+        found = _models.get(key)
+        if found is not None:
+            return found
         points = self.points[row].numpy().astype(np.float64)
         made = StructureModel.of(self.structures[row], points, self.point_parts[row], self.point_normals[row], config)
-        with _lock:
-            _models[key] = made
-            while len(_models) > MAX_MODELS:
-                _models.popitem(last=False)
+        _models.put(key, made)
         return made
 
     def deformed(self) -> Tensor:

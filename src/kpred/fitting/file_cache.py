@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from pathlib import Path
-from threading import Lock
 from typing import Generic, TypeVar
+
+from kpred.lru_cache import LruCache
 
 Value = TypeVar("Value")
 
@@ -16,9 +16,7 @@ class FileCache(Generic[Value]):
     """The values that were used last, at most `size`, each with the state of the files it was made from."""
 
     def __init__(self, size: int) -> None:
-        self.size = size
-        self._kept: OrderedDict[Hashable, tuple[Hashable, Value]] = OrderedDict()
-        self._lock = Lock()
+        self._kept: LruCache[Hashable, tuple[Hashable, Value]] = LruCache(size)
 
     def get(self, key: Hashable, state: Hashable, make: Callable[[], Value]) -> Value:
         """Return the value of a key, made anew if it is not kept or its files have changed.
@@ -26,17 +24,11 @@ class FileCache(Generic[Value]):
         Args:
             state: of the files now; `make` reads them. Two threads that ask at once may both make it.
         """
-        with self._lock:
-            kept = self._kept.get(key)
-            if kept is not None and kept[0] == state:
-                self._kept.move_to_end(key)
-                return kept[1]
+        kept = self._kept.get(key)
+        if kept is not None and kept[0] == state:
+            return kept[1]
         value = make()
-        with self._lock:
-            self._kept[key] = state, value
-            self._kept.move_to_end(key)
-            while len(self._kept) > self.size:
-                self._kept.popitem(last=False)
+        self._kept.put(key, (state, value))
         return value
 
     def __len__(self) -> int:

@@ -17,6 +17,7 @@ from kpred.fitting.defaults import resolve_database, resolve_model, shared_categ
 from kpred.fitting.pipeline import fit
 from kpred.fitting.result import Fit
 from kpred.nn import Model
+from kpred.ops.rotations import upright_rotation
 from kpred.scenes.floor import SceneFloor, find_floor
 from kpred.scenes.objects import SceneObject
 from kpred.scenes.scan2cad import Alignment, decompose, results, write_csv
@@ -104,7 +105,7 @@ class SceneFit:
     def scan_to_glb(self) -> np.ndarray:
         """Return the rotation (4, 4) of the scan's up axis to +y, as in glTF."""
         matrix = np.eye(4)
-        matrix[:3, :3] = upright(self.scene.up)
+        matrix[:3, :3] = upright_rotation(self.scene.up)
         return matrix
 
     def glb_scene(self) -> trimesh.Scene:
@@ -223,17 +224,6 @@ def fit_scene(
     if progress is not None:
         progress(len(done), len(objects), "")
     return SceneFit(scene, tuple(done), ground)
-
-
-def upright(up: str) -> np.ndarray:
-    """Return the shortest rotation (3, 3) of an up axis (x, y, z, -x, -y, -z) to +y."""
-    axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
-    if axis[1] == -1:
-        return np.diag([1.0, -1.0, -1.0])
-    cross = np.cross(axis, [0.0, 1.0, 0.0])
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    # Exact for axes: 1 + cosine is 1 for a quarter turn, and the terms vanish for none.
-    return np.eye(3) + skew + skew @ skew
 
 
 def _fit_object(

@@ -23,8 +23,8 @@ from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
 from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, claims
 from kpred.evaluation.scans.real_crops import SPLIT
-from kpred.fitting.fit_scene import ObjectFit, fit_scene, upright
-from kpred.ops.rotations import yaw_rotation
+from kpred.fitting.fit_scene import ObjectFit, fit_scene
+from kpred.ops.rotations import upright_rotation, yaw_rotation
 from kpred.rendering.contact_sheet import Tile
 from kpred.scenes.objects import SceneObject, objects_of
 from kpred.scenes.scan2cad import AlignedModel, compose, decompose, model_path, read_annotations
@@ -223,7 +223,7 @@ def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, settin
 
 
 def _failed(outcome: SceneOutcome, item: SceneObject, why: str) -> SceneOutcome:
-    points = item.points @ upright(item.up).T if len(item.points) else np.zeros((1, 3))
+    points = item.points @ upright_rotation(item.up).T if len(item.points) else np.zeros((1, 3))
     return replace(outcome, failure=why, tile=Tile((f"{outcome.scene} {item.name}", why), "wrong", points))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from kpred.synthetic.chance import between, happens, pick, whole
 from kpred.synthetic.parts import Part, beam, box, cylinder, ellipse, frustum, lathe, sweep
-from kpred.synthetic.paths import bezier, rounded_path
+from kpred.synthetic.paths import rounded_path
 
 LEG_STYLES = ("square", "tapered", "round", "cone", "turned", "sabre", "cabriole", "hairpin")
 STRETCHERS = ("none", "h", "ring", "sides", "front", "x")
@@ -171,10 +171,3 @@ def bracket_feet(width: float, depth: float, height: float, rng: np.random.Gener
     if style == 0:
         return [box((width * 0.94, height, depth * 0.92), (0.0, height / 2.0, 0.0), "plinth")]
     return [box((t, height, depth * 0.95), (s * (width / 2.0 - t), height / 2.0, 0.0), "leg") for s in (-1.0, 1.0)]
-
-
-def curved_rear_leg(head: np.ndarray, foot: np.ndarray, bend: float, thickness: float) -> Part:
-    """Build a leg bent outwards at its foot."""
-    control = np.array([foot[0], (foot[1] + head[1]) * 0.35, head[2] + bend])
-    section = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * thickness / 2.0
-    return sweep(section, bezier(head, control, foot, 6), "leg")
