@@ -7,6 +7,7 @@ import pytest
 
 from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.refinement.structure_config import StructureConfig
+from kpred.refinement.structure_fit import Evidence, StructureModel, fit_structure
 from kpred.shapes.structure.cleanliness import measure_cleanliness, thickness_ratios
 from kpred.shapes.structure.part_maps import fit_part_maps, measure_shears, own_extents
 from kpred.synthetic.assembly import assemble
@@ -146,7 +147,6 @@ def test_a_board_seen_from_above_keeps_its_thickness(cases, name):
     assert result[:, 1].max() > case.vertices[:, 1].max() + 0.01
 
 
-@pytest.mark.xfail(strict=True, reason="nearest points of the wrong side make boards thinner than the samples' spacing")
 @pytest.mark.parametrize("name", ["table", "shelf"])
 def test_a_board_seen_from_all_sides_keeps_its_thickness(cases, name):
     case = cases[name]
@@ -154,7 +154,9 @@ def test_a_board_seen_from_all_sides_keeps_its_thickness(cases, name):
     assert np.abs(thickness_ratios(case.vertices, result, case.structure, 1.0) - 1).max() < 0.1
 
 
-@pytest.mark.xfail(strict=True, reason="nearest neighbours of sparse samples shrink a model along its short sides")
+@pytest.mark.xfail(
+    strict=True, reason="nearest neighbours of sparse samples shrink a thin model by 3 % along its short side"
+)
 def test_sizes_have_no_bias(cases):
     case, sizes = cases["shelf"], []
     for seed in range(6):
@@ -275,7 +277,6 @@ def test_generated_furniture_fitted_to_its_like_stays_clean(of_mesh, category, n
     assert cleanliness.contact_gap < 0.01
 
 
-@pytest.mark.xfail(strict=True, reason="parts that touch may slide along each other, flush or not")
 def test_flush_boards_stay_flush(build):
     """Two cubes of one plan, one on the other, and a scan in which the upper one is wider."""
     case = build([box((1.0, 0.5, 0.6), (0, 0.25, 0), "lower"), box((1.0, 0.5, 0.6), (0, 0.75, 0), "upper")])
@@ -292,3 +293,17 @@ def test_decimated_meshes_stay_clean(real, category):
     assert found.axis_tilt < 3.0
     assert found.contact_gap < 0.005
     assert found.mirror is None or found.mirror < 0.005
+
+
+def test_parts_without_a_sample_are_carried_along(cases):
+    """The curved back of a chair, when no point of the surface samples lies on it."""
+    case = cases["curved chair"]
+    back = int(np.flatnonzero(case.structure.curved)[0])
+    sampled = case.model.parts != back
+    arrays = case.model.points[sampled], case.model.parts[sampled], case.model.normals[sampled]
+    model = StructureModel.of(case.structure, *arrays, StructureConfig())
+    goal = case.scan(stretched(case.vertices))
+    found = fit_structure(
+        model, stretched(arrays[0]), Evidence(goal, lambda places: np.ones(len(places))), StructureConfig()
+    )
+    assert np.abs(case.moved(found) - stretched(case.vertices)).max() < 0.1

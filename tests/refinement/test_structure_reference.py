@@ -1,5 +1,7 @@
 """The compiled rounds agree with the plain ones, matches included."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,8 @@ def _scan(case):
     """The model stretched, sheared and moved, so that no unknown is idle."""
     vertices = case.vertices * [1.2, 0.9, 0.8] + [0.02, -0.03, 0.01]
     vertices[:, 2] -= 0.15 * np.maximum(case.vertices[:, 1], 0)
-    return case.scan(vertices)
+    # A seed of which no two neighbours are equally near in float32: either would do, and results would differ.
+    return case.scan(vertices, seed=2)
 
 
 @pytest.mark.parametrize("rounds", [1, 3, 12])
@@ -38,11 +41,13 @@ def test_matches_are_those_of_all_pairs(cases, rng):
     case = cases["chair"]
     moved = case.points[:700].astype(np.float32)
     goal = _scan(case)[:600]
-    for visible in (rng.random(700).astype(np.float32), np.zeros(700, np.float32)):
-        for first in (0, 1):
-            for robust in (0.0, 400.0):
-                wanted = np.empty((700, 4), np.float32)
-                match(moved, goal, visible, seen_points(visible), first, robust, 1e-4, wanted)
-                places, weights = match_reference(moved, goal, visible, first, robust, 1e-4)
-                np.testing.assert_allclose(wanted[:, 3], weights, atol=1e-6)
-                np.testing.assert_allclose(wanted[:, :3], places, atol=1e-6)
+    facing = np.abs(case.model.normals[:700]).argmax(axis=1)
+    assert len(set(facing)) == 3
+    for visible, first, robust, sharp in product(
+        (rng.random(700).astype(np.float32), np.zeros(700, np.float32)), (0, 1), (0.0, 400.0), (False, True)
+    ):
+        wanted = np.empty((700, 4), np.float32)
+        match(moved, facing, sharp, goal, visible, seen_points(visible), first, robust, 1e-4, wanted)
+        places, weights = match_reference(moved, goal, visible, first, robust, 1e-4, facing if sharp else None)
+        np.testing.assert_allclose(wanted[:, 3], weights, atol=1e-6)
+        np.testing.assert_allclose(wanted[:, :3], places, atol=1e-6)

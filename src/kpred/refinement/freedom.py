@@ -101,9 +101,11 @@ def possible_bends(
 
 def _arc(points: np.ndarray, axis: int, along: int) -> float:
     """Height of the arc that points make in one direction along another, over their length."""
+    if len(points) < MIN_ARC_POINTS:
+        return 0.0
     place = points[:, along]
     half = float(np.ptp(place)) / 2
-    if len(points) < MIN_ARC_POINTS or half <= 0:
+    if half <= 0:
         return 0.0
     q = (place - (place.min() + place.max()) / 2) / half
     columns = np.stack([np.ones_like(q), q, q**2], axis=1)

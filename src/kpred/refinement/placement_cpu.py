@@ -28,13 +28,14 @@ def place_rounds(
     """
     count = points.shape[0]
     wanted = np.empty((count, 4), np.float32)
+    facing = np.zeros(count, np.int64)
     seen = seen_points(visible)
     moved[:] = start
     normal, right = np.zeros((7, 7)), np.zeros(7)
     columns = np.zeros((3, 7))
     local = np.zeros(3)
     for iteration in range(rounds):
-        match(moved, goal, visible, seen, iteration % 2, robust, minimum, wanted)
+        match(moved, facing, False, goal, visible, seen, iteration % 2, robust, minimum, wanted)
         hold(wanted, held, start)
         # Two steps of Gauss and Newton: the rotation is the only part that is not linear.
         for _ in range(2):

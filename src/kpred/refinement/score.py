@@ -72,7 +72,8 @@ def spacing(points: Float[np.ndarray, "points 3"]) -> float:
     if len(points) < 4:
         return 0.0
     squared, _ = nearest_of_one(np.ascontiguousarray(points[::2]), np.ascontiguousarray(points[1::2]))
-    return float(squared.mean()) / 2
+    # Squared distances to the nearest sample are distributed exponentially; strays do not shift their median.
+    return float(np.median(squared)) / np.log(2) / 2
 
 
 def distances(

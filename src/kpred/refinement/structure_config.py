@@ -18,7 +18,8 @@ class StructureConfig:
         smoothness: weight of second differences of the spline's controls; ridge: of the controls themselves.
         part_ridge: weight of a part's own motion and growth; growth_ridge: of its growth relative to its own size;
             bend_ridge: of the bend of a part that is bent already.
-        contact: weight of a gap that opens across a contact; sliding: of parts that slide along it.
+        contact: weight of a gap that opens across a contact; sliding: of parts that slide along it;
+            flush: of a step that opens between ends of touching parts that are flush.
         lean_gain: fall of the mean squared distance, unit box, from which a part may lean.
         thickness: weight of the growth of boards seen from one side.
         unseen: weight of the pull of unseen surface toward where the search begins.
@@ -28,14 +29,15 @@ class StructureConfig:
 
     controls: int = 10
     iterations: int = 12
-    points: int = 1024
+    points: int = 2048
     smoothness: float = 1e-4
     ridge: float = 1e-7
     part_ridge: float = 1e-5
     growth_ridge: float = 1e-5
     bend_ridge: float = 1e-3
     contact: float = 1.0
-    sliding: float = 1e-3
+    sliding: float = 2e-4
+    flush: float = 0.003
     lean_gain: float = 3e-5
     thickness: float = 1.0
     unseen: float = 1.0

@@ -15,7 +15,7 @@ from kpred.refinement.matching_cpu import hold, match, seen_points
 from kpred.refinement.structure_apply_cpu import apply_columns, side_growth
 from kpred.refinement.structure_basis import KINDS, RIGID
 
-RELAXATION = 2.0
+RELAXATION = 1.7
 """Length of a step beyond what the matches of one round ask for."""
 
 STIFFER = (1e-3, 1e-2, 1e-1, 1.0, 1e2)
@@ -24,6 +24,9 @@ STIFFER = (1e-3, 1e-2, 1e-1, 1.0, 1e2)
 FLATTEST = 0.1
 """Least slope of a map along an axis: it is monotone, so that nothing folds."""
 
+SNAP, SNAPPED = 0.03, 1.0
+"""Flush ends become flush again if the step between them is smaller than this, unit box; weight of these steps then."""
+
 LINEAR = 0.5
 """Fraction of what is off along an axis that a lean must explain."""
 
@@ -31,8 +34,9 @@ LINEAR = 0.5
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def fit_rounds(
-    spline, own, bounds, group, boxes, lean_axis, points, start, visible, held, goal, stiff, growth, limits, spans,
-    slopes, can_lean, can_bend, feet, floor, rounds, robust, minimum, lean_gain, solution, moved,
+    spline, own, bounds, group, boxes, lean_axis, points, across, facing, start, visible, held, goal, stiff, growth,
+    limits, spans, slopes, can_lean, can_bend, flush_axis, flush_column, flush_factor, flush, feet, floor, rounds,
+    robust, minimum, lean_gain, solution, moved,
 ):  # fmt: skip
     """Fills `solution` (3, U) and `moved` (N, 3); points are sorted by part.
 
@@ -42,9 +46,11 @@ def fit_rounds(
         lean_axis: (C, 3); can_lean: (G, 3) 0 for leans that symmetry forbids, 1 for those that need evidence, 2 free;
             can_bend: (G, 3).
         points, start: (N, 3) at the source, and where the first matches are taken.
+        across: (N, 3) weight of a match along each axis; facing: (N,) axis that the surface faces.
         visible: (N,) how surely each was seen; held: (N,) weight of staying at `start`.
         goal: (M, 3); stiff: (3, U, U); growth: (C, 3, U) of each part; limits: (C, 3, 3) lowest and highest growth, and
             the half side that a part's own growth is measured by.
+        flush_axis: (F,), flush_column, flush_factor: (F, 4) steps between flush ends; flush: their first weight.
         feet: (N,) weight of points that stand on the floor; floor: (N,) height at which it holds each.
         robust: squared multiple of the median distance, 0 for equal weights; minimum: least squared scale.
         lean_gain: gain in weighted squared distance from which a lean is accepted.
@@ -57,22 +63,27 @@ def fit_rounds(
     weighted = np.empty(count, np.float32)
     residual = np.empty(count, np.float32)
     leaning = can_lean == 2
+    weights = np.full(len(flush_axis), flush)
+    last = last_rounds(rounds)
     seen = seen_points(visible)
     moved[:] = start
     for iteration in range(rounds):
-        match(moved, goal, visible, seen, iteration % 2, robust, minimum, wanted)
+        match(moved, facing, iteration >= last, goal, visible, seen, iteration % 2, robust, minimum, wanted)
+        if iteration == last:
+            _snap(flush_axis, flush_column, flush_factor, solution, weights)
         hold(wanted, held, start)
         if iteration == rounds // 2:
             _find_leans(own, bounds, group, wanted, moved, can_lean, lean_gain, leaning)
         for axis in range(3):
             for i in range(count):
-                weighted[i] = wanted[i, 3]
-                residual[i] = wanted[i, axis] - wanted[i, 3] * points[i, axis]
+                weighted[i] = across[i, axis] * wanted[i, 3]
+                residual[i] = across[i, axis] * (wanted[i, axis] - wanted[i, 3] * points[i, axis])
                 if axis == 1:
                     weighted[i] += feet[i]
                     residual[i] += feet[i] * (floor[i] - points[i, 1])
             assemble(spline[axis], own[axis], bounds, group, weighted, residual, controls, normal, right)
             _constrain(normal, stiff[axis], leaning[:, axis], can_bend[:, axis], controls)
+            _tie(normal, axis, flush_axis, flush_column, flush_factor, weights)
             _solve_monotone(normal, right, spans, axis, slopes, controls)
             # Matches follow a step only in part, so that a longer one converges in fewer rounds.
             ahead = RELAXATION if 0 < iteration < rounds - 2 else 1.0
@@ -80,6 +91,13 @@ def fit_rounds(
                 solution[axis, j] += ahead * (right[j] - solution[axis, j])
         bound_growth(solution, growth, limits, spans, slopes, group, controls)
         apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution, growth, limits, moved)
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def last_rounds(rounds):
+    """First of the rounds in which sides are told apart and flush ends are snapped."""
+    return rounds * 2 // 3
 
 
 @numba.njit(cache=True, nogil=True)
@@ -94,6 +112,30 @@ def _constrain(normal, stiff, leaning, can_bend, controls):
             normal[controls + KINDS * g + 2, controls + KINDS * g + 2] += RIGID
         if not can_bend[g]:
             normal[controls + KINDS * g + 3, controls + KINDS * g + 3] += RIGID
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _tie(normal, axis, flush_axis, flush_column, flush_factor, weights):
+    """Adds the squares of steps between flush ends along one axis to the lower half of `normal` (U, U)."""
+    for pair in range(len(flush_axis)):
+        if flush_axis[pair] == axis and weights[pair] > 0:
+            for a in range(4):
+                for b in range(4):
+                    if flush_column[pair, a] >= flush_column[pair, b]:
+                        square = weights[pair] * flush_factor[pair, a] * flush_factor[pair, b]
+                        normal[flush_column[pair, a], flush_column[pair, b]] += square
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _snap(flush_axis, flush_column, flush_factor, solution, weights):
+    """Sets `weights` (F,): ends with a small step between them become flush again, the others are set free."""
+    for pair in range(len(flush_axis)):
+        step = 0.0
+        for k in range(4):
+            step += flush_factor[pair, k] * solution[flush_axis[pair], flush_column[pair, k]]
+        weights[pair] = SNAPPED if abs(step) < SNAP else 0.0
 
 
 @numba.njit(cache=True, nogil=True)

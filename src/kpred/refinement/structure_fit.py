@@ -27,10 +27,13 @@ from kpred.shapes.structure import Structure
 MIN_SCALE = 1e-4
 """Least squared distance that counts as one in robust weights, unit box."""
 
+ALONG = 0.3
+"""Weight of matches along the surface, where that of those across it is 1: samples say little about edges."""
+
 THIN = 0.15
 """A part with a side shorter than this is a board or a bar, whose thickness is seen only from two sides; unit box."""
 
-BLUR = 0.7
+BLUR = 0.3
 """Boards thinner than this times the spacing of the scan's points keep their thickness; thicker ones may grow."""
 
 OUTSIDE = 0.12
@@ -202,6 +205,7 @@ def fit_structure(
     # A point above a sole stays as far above the floor.
     floor = (0.0 if evidence.floor is None else evidence.floor) + model.heights[columns.order]
     limits, boxes, spans, slopes, leans, bends = model._freedom
+    squared = model.normals[columns.order] ** 2
     fit_rounds(
         columns.spline,
         columns.own,
@@ -210,6 +214,8 @@ def fit_structure(
         boxes,
         basis.lean_axis,
         columns.points,
+        (ALONG + (1.0 - ALONG) * squared).astype(np.float32),
+        squared.argmax(axis=1),
         np.ascontiguousarray(place, dtype=np.float32),
         seen.astype(np.float32),
         (config.unseen * (1.0 - seen) / len(seen)).astype(np.float32),
@@ -221,6 +227,10 @@ def fit_structure(
         slopes,
         leans,
         bends,
+        basis.flush.axis,
+        basis.flush.column,
+        basis.flush.factor,
+        config.flush,
         weight * model.feet[columns.order] * step,
         floor,
         config.iterations,

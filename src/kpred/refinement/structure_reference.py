@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpred.ops.typing import Bool, Float, Int
-from kpred.refinement.matching_cpu import MIN_SEEN, SEEN
+from kpred.refinement.matching_cpu import MIN_SEEN, SEEN, SHARP
 from kpred.refinement.structure_basis import KINDS, RIGID
-from kpred.refinement.structure_cpu import FLATTEST, LINEAR, RELAXATION, STIFFER
+from kpred.refinement.structure_cpu import FLATTEST, LINEAR, RELAXATION, SNAP, SNAPPED, STIFFER
 
 MOVE, GROW, LEAN, BEND = range(KINDS)
 
@@ -106,6 +106,8 @@ def fit_rounds_reference(
     boxes: np.ndarray,
     lean_axis: np.ndarray,
     points: np.ndarray,
+    across: np.ndarray,
+    facing: np.ndarray,
     start: np.ndarray,
     visible: np.ndarray,
     held: np.ndarray,
@@ -117,6 +119,10 @@ def fit_rounds_reference(
     slopes: np.ndarray,
     can_lean: np.ndarray,
     can_bend: np.ndarray,
+    flush_axis: np.ndarray,
+    flush_column: np.ndarray,
+    flush_factor: np.ndarray,
+    flush: float,
     feet: np.ndarray,
     floor: np.ndarray,
     rounds: int,
@@ -129,17 +135,24 @@ def fit_rounds_reference(
     """Fill `solution` and `moved` as `kpred.refinement.structure_cpu.fit_rounds` does."""
     family = Family(spline, own, bounds, group, boxes, lean_axis, points, growth, limits)
     rows, leaning = [family.rows(axis) for axis in range(3)], can_lean == 2
+    steps, tied, last = _flush_rows(flush_axis, flush_column, flush_factor, stiff.shape[1]), flush, rounds * 2 // 3
     moved[:] = start
     for number in range(rounds):
-        wanted, weight = match_reference(moved, goal, visible, number % 2, robust, minimum)
+        sides = facing if number >= last else None
+        wanted, weight = match_reference(moved, goal, visible, number % 2, robust, minimum, sides)
+        if number == last:
+            opened = (steps * solution[flush_axis]).sum(axis=1)
+            tied = np.where(np.abs(opened) < SNAP, SNAPPED, 0.0)
         wanted, weight = wanted + held[:, None] * start, weight + held
         if number == rounds // 2:
             leaning |= (can_lean == 1) & _leans_explain(family, wanted, weight, moved, lean_gain, len(can_lean))
         ahead = RELAXATION if 0 < number < rounds - 2 else 1.0
         for axis in range(3):
             extra = feet if axis == 1 else 0.0 * feet
-            pull = wanted[:, axis] - weight * points[:, axis] + extra * (floor - points[:, 1])
-            normal = rows[axis].T @ ((weight + extra)[:, None] * rows[axis]) + stiff[axis]
+            pull = across[:, axis] * (wanted[:, axis] - weight * points[:, axis]) + extra * (floor - points[:, 1])
+            normal = rows[axis].T @ ((across[:, axis] * weight + extra)[:, None] * rows[axis]) + stiff[axis]
+            mine = steps * (flush_axis == axis)[:, None]
+            normal += mine.T @ (np.broadcast_to(tied, len(mine))[:, None] * mine)
             forbidden = np.zeros(len(normal))
             forbidden[family.controls + LEAN :: KINDS] = RIGID * ~leaning[:, axis]
             forbidden[family.controls + BEND :: KINDS] = RIGID * (can_bend[:, axis] == 0)
@@ -149,6 +162,13 @@ def fit_rounds_reference(
         moved[:] = family.apply(solution)
 
 
+def _flush_rows(axis: np.ndarray, column: np.ndarray, factor: np.ndarray, unknowns: int) -> np.ndarray:
+    """(F, U) dense rows of the steps between flush ends."""
+    found = np.zeros((len(axis), unknowns))
+    np.add.at(found, (np.arange(len(axis))[:, None], column), factor)
+    return found
+
+
 def match_reference(
     moved: Float[np.ndarray, "points 3"],
     goal: Float[np.ndarray, "goal 3"],
@@ -156,18 +176,24 @@ def match_reference(
     first: int,
     robust: float,
     minimum: float,
+    facing: Int[np.ndarray, " points"] | None = None,
 ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, " points"]]:
-    """Match every second point of each cloud to the nearest of the other: weighted sums of places, and weights."""
+    """Match every second point of each cloud to the nearest of the other: weighted sums of places, and weights.
+
+    With `facing`, distances count more along the axis that the surface faces.
+    """
+    stretch = np.ones((len(moved), 3)) if facing is None else np.where(np.eye(3)[facing] > 0, SHARP, 1.0)
+    stretch = stretch.astype(np.float32)
     wanted, weight = np.zeros((len(moved), 3)), np.zeros(len(moved))
     seen = np.flatnonzero(visible >= SEEN)
     seen = seen if len(seen) >= MIN_SEEN else np.arange(len(moved))
-    queries = goal[first::2].astype(np.float64)
-    squared = ((queries[:, None] - moved[seen].astype(np.float64)[None]) ** 2).sum(axis=2)
+    queries = goal[first::2]
+    squared = ((stretch[seen][None] * (queries[:, None] - moved[seen][None])) ** 2).sum(axis=2)
     rows, ratio = seen[squared.argmin(axis=1)], _robust(squared.min(axis=1), robust, minimum) / len(queries)
     np.add.at(wanted, rows, ratio[:, None] * queries)
     np.add.at(weight, rows, ratio)
     some = np.arange(first, len(moved), 2)
-    squared = ((moved[some].astype(np.float64)[:, None] - goal[None]) ** 2).sum(axis=2)
+    squared = ((stretch[some][:, None] * (moved[some][:, None] - goal[None])) ** 2).sum(axis=2)
     ratio = visible[some] * _robust(squared.min(axis=1), robust, minimum) / len(some)
     wanted[some] += ratio[:, None] * goal[squared.argmin(axis=1)]
     weight[some] += ratio
