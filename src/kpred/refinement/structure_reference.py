@@ -135,7 +135,8 @@ def fit_rounds_reference(
     """Fill `solution` and `moved` as `kpred.refinement.structure_cpu.fit_rounds` does."""
     family = Family(spline, own, bounds, group, boxes, lean_axis, points, growth, limits)
     rows, leaning = [family.rows(axis) for axis in range(3)], can_lean == 2
-    steps, tied, last = _flush_rows(flush_axis, flush_column, flush_factor, stiff.shape[1]), flush, rounds * 2 // 3
+    steps, last = _flush_rows(flush_axis, flush_column, flush_factor, stiff.shape[1]), rounds * 2 // 3
+    tied = np.full(len(steps), flush)
     moved[:] = start
     for number in range(rounds):
         sides = facing if number >= last else None
@@ -152,7 +153,7 @@ def fit_rounds_reference(
             pull = across[:, axis] * (wanted[:, axis] - weight * points[:, axis]) + extra * (floor - points[:, 1])
             normal = rows[axis].T @ ((across[:, axis] * weight + extra)[:, None] * rows[axis]) + stiff[axis]
             mine = steps * (flush_axis == axis)[:, None]
-            normal += mine.T @ (np.broadcast_to(tied, len(mine))[:, None] * mine)
+            normal += mine.T @ (tied[:, None] * mine)
             forbidden = np.zeros(len(normal))
             forbidden[family.controls + LEAN :: KINDS] = RIGID * ~leaning[:, axis]
             forbidden[family.controls + BEND :: KINDS] = RIGID * (can_bend[:, axis] == 0)
