@@ -177,7 +177,7 @@ def test_plots_are_written(made: Path, files: Path, pack: Path, tmp_path: Path) 
         ("evaluate table", USAGE, "topk"),
         ("evaluate table fulll {pack}", USAGE, "did you mean `kpred evaluate table full`?"),
         ("evaluate table full", USAGE, "no pack was named"),
-        ("evaluate", USAGE, "no pack was named"),
+        ("evaluate shapes", USAGE, "no pack was named"),
         ("evaluate a.npz --top-k many", USAGE, "--top-k"),
         ("evaluate {pack} --top-k 0", FAILED, "top_k must be at least 1"),
         ("evaluate {new}/missing.npz", FAILED, "missing.npz"),

@@ -68,8 +68,8 @@ class AblationCommand(PackTableCommand):
     """Train nothing: only rows that are trained to the end"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
-    """Shares hidden where CB is measured"""
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
+    """Fractions hidden where CB is measured"""
     device: Annotated[str, arg(metavar="DEVICE")] = "auto"
     """Trains on: auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
     precision: Literal["float32", "bfloat16"] = "float32"

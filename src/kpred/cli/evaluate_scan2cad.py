@@ -20,7 +20,7 @@ class Scan2CadCommand(TableCommand, ModelOptions):
     """Objects of Scan2CAD scenes: UCD in the annotated CAD model's frame (the paper), and where it must be found.
 
     FOLDER is laid out as Scan2CAD's repository: full_annotations.json, Assets/scannet-sample, Assets/shapenet-sample;
-    or <scene>/ and <synset>/ in the folder itself. Scenes, models and objects that are not there are counted and told.
+    or <scene>/ and <synset>/ in the folder itself. Missing scenes, models and objects are counted and listed.
     `annotated cad` is the model that people chose, as they placed it.
 
     examples:

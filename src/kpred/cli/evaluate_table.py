@@ -55,7 +55,7 @@ class FullCommand(MeasuredCommand):
 
 @dataclass(frozen=True, kw_only=True)
 class PartialCommand(MeasuredCommand):
-    """Shapes cut by a random plane: UCD at each share hidden (the paper's occlusion curves).
+    """Shapes cut by a random plane: UCD at each fraction hidden (the paper's occlusion curves).
 
     UCD is measured from the points that are seen; `UCD, whole` from all of the true surface to the same result.
 
@@ -66,8 +66,8 @@ class PartialCommand(MeasuredCommand):
 
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = (0.0, 0.25, 0.5, 0.75)
-    """Shares of the points that are hidden"""
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
+    """Fractions of the points that are hidden"""
     unknown_frame: Annotated[bool, arg(help_behavior_hint="")] = False
     """Fit every target too where its place, size and yaw must be found"""
 
@@ -124,8 +124,8 @@ class OracleCommand(MeasuredCommand):
     """At most so many targets a pack, drawn at random by the seed"""
     top_k: Annotated[tuple[int, ...], arg(metavar="K [K ...]")] = (1, 5, 10, 25)
     """Numbers of retrieved models"""
-    occlusions: Annotated[tuple[float, ...], arg(metavar="SHARE [SHARE ...]")] = ()
-    """Judge shapes cut by a plane too, with these shares hidden"""
+    occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = ()
+    """Rank for shapes cut by a plane too, with these fractions hidden"""
 
     def config(self) -> TableConfig:
         """Return the settings of the table."""

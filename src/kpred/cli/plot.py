@@ -43,7 +43,7 @@ class _PlotCommand(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class OcclusionCommand(_PlotCommand):
-    """Occlusion curves: UCD against the share hidden, with 95 % bands, from tables of `kpred evaluate table partial`.
+    """Occlusion curves: UCD against the fraction hidden, with 95 % bands, of tables of `kpred evaluate table partial`.
 
     examples:
       kpred plot occlusion partial.json -o occlusion.png
@@ -162,7 +162,7 @@ class GridCommand(_PlotCommand, ModelOptions):
     count: Annotated[int, arg(metavar="N")] = 6
     """How many targets of each pack, drawn by the seed"""
     occlusion: Annotated[float, arg(metavar="FRACTION")] = 0.0
-    """Share of each target that a plane hides"""
+    """Fraction of each target that a plane hides"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
 
@@ -174,7 +174,7 @@ class GridCommand(_PlotCommand, ModelOptions):
         if not self.packs:
             raise UsageError("no pack was named; try `kpred plot grid FILE.npz -o FILE.png`")
         if not 0 <= self.occlusion <= 0.95:
-            raise UsageError(f"--occlusion must be a share from 0 to 0.95, but is {self.occlusion:g}")
+            raise UsageError(f"--occlusion must be a fraction from 0 to 0.95, but is {self.occlusion:g}")
         config = GridConfig(self.split, self.count, self.seed, self.occlusion, self.top_k)
         with ProgressBar() as bar:
             return grid_figure(

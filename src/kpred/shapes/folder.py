@@ -29,12 +29,6 @@ CATEGORY_OF = {
     "storagefurniture": "cabinet",
 }
 
-# Other formats of CAD models and scenes; textures and materials beside meshes are none.
-_OTHER_MODELS = (
-    *(".fbx", ".dae", ".3ds", ".blend", ".max", ".skp", ".usd", ".usda", ".usdc", ".usdz", ".wrl", ".x3d", ".3mf"),
-    *(".step", ".stp", ".iges", ".igs", ".brep", ".dwg", ".dxf", ".ifc", ".rvt", ".lwo", ".abc", ".zip", ".vrml"),
-)
-
 # Files named so are called after their folder.
 _ANONYMOUS = ("model", "model_normalized", "mesh", "models")
 
@@ -83,13 +77,6 @@ def read_folder(path: str | os.PathLike[str], category: str | None = None) -> It
     elif wanted is not None:
         named = [FolderItem(item.model_id, wanted, item.path, item.faces_back) for item in named]
     return iter(_with_unique_ids(named, root))
-
-
-def unread_models(path: str | os.PathLike[str]) -> dict[str, int]:
-    """Count the files of a folder that are CAD models of kinds that are not read, by their extension."""
-    root = Path(path)
-    kinds = (file.suffix.lower() for file in root.rglob("*") if _is_shown(file, root))
-    return dict(sorted(Counter(kind for kind in kinds if kind in _OTHER_MODELS).items()))
 
 
 def _is_shown(file: Path, root: Path) -> bool:

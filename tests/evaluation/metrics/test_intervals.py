@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kpred.evaluation.metrics.intervals import mean_interval, median_interval, ratio_interval, share_interval
+from kpred.evaluation.metrics.intervals import fraction_interval, mean_interval, median_interval, ratio_interval
 
 VALUES = st.lists(st.floats(0, 100), min_size=2, max_size=30)
 
@@ -59,12 +59,12 @@ def test_median() -> None:
 
 @pytest.mark.parametrize(("hits", "n", "low", "high"), [(9, 10, 0.596, 0.982), (0, 20, 0.0, 0.161), (20, 20, 0.839, 1)])
 def test_wilsons_interval_of_a_share(hits: int, n: int, low: float, high: float) -> None:
-    found = share_interval([True] * hits + [False] * (n - hits))
+    found = fraction_interval([True] * hits + [False] * (n - hits))
     assert found.value == hits / n
     assert found.low == pytest.approx(low, abs=1e-3)
     assert found.high == pytest.approx(high, abs=1e-3)
 
 
 def test_one_instance_has_no_interval() -> None:
-    for found in (mean_interval([3.0], 0), share_interval([True]), ratio_interval([3.0], [1.0], 0)):
+    for found in (mean_interval([3.0], 0), fraction_interval([True]), ratio_interval([3.0], [1.0], 0)):
         assert (found.low, found.high) == (None, None)

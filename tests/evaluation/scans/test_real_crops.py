@@ -244,7 +244,7 @@ def test_passing_needs_nearness_and_place() -> None:
     assert not replace(item, centre_cm=10.1).passes
     lost = SceneOutcome(scene="s", name="table_2", category="table", points=10, failure="no")
     rows = {(row.category, row.metric): row.value for row in summarise_scenes([item, lost], "s", 0)}
-    assert rows["all", "passes"] == rows["all", "category_right_untold"] == 0.5
+    assert rows["all", "passes"] == rows["all", "category_right_not_given"] == 0.5
     assert rows["all", "distance_ratio"] == pytest.approx(1.195)
     assert ("table", "distance") not in rows
 

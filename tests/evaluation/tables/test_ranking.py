@@ -31,7 +31,7 @@ def test_an_order_by_the_error_itself_is_perfect_and_its_reverse_is_not(rng: np.
 def test_correlation_is_that_of_scipy_and_ties_say_nothing(rng: np.random.Generator) -> None:
     ranking = _ranking(rng)
     for order in ORDERS:
-        assert ranking.correlation(order) == pytest.approx(spearmanr(ranking.judged_by(order), ranking.refined)[0])
+        assert ranking.correlation(order) == pytest.approx(spearmanr(ranking.sort_key(order), ranking.refined)[0])
     assert replace(ranking, feed_forward=np.ones(30)).correlation("feed_forward_error") == 0
 
 
@@ -70,6 +70,6 @@ def test_the_oracle_is_that_of_the_bench(packs: dict[str, Path], model: Model) -
 
 def test_sorting_the_nearest_again_leaves_the_others_where_they_are(rng: np.random.Generator) -> None:
     ranking = _ranking(rng, 150)
-    rows = ranking.judged_by("feed_forward_error_of_100").argsort(kind="stable")
+    rows = ranking.sort_key("feed_forward_error_of_100").argsort(kind="stable")
     assert rows[:100].tolist() == ranking.feed_forward[:100].argsort(kind="stable").tolist()
     assert rows[100:].tolist() == list(range(100, 150))

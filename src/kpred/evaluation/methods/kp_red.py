@@ -80,17 +80,15 @@ class _Searcher:
                 result = replace(result, cleanliness=unchanged)
             yield result
             yield lowest_error(FEED_FORWARD, retrieved.take(first), k)
-        yield from self._delivered(query, found, query.partial, {REFINED: "free", STRUCTURE: "auto"})
+        yield from self._delivered(query, found, {REFINED: "free", STRUCTURE: "auto"})
         if not query.partial:
             again = self._retrieve(query, None, max(query.top_k))
-            yield from self._delivered(query, again, None, {WITHOUT_HINT: "auto"})
+            yield from self._delivered(query, again, {WITHOUT_HINT: "auto"})
         if query.oracle:
             yield best_of_all(f"oracle_{FEED_FORWARD}", retrieved, None)
             yield best_of_all(f"oracle_{REFINED}", retrieved, self.settings.refinement)
 
-    def _delivered(
-        self, query: Query, found: Tried, hint: bool | None, rows: dict[str, Deform]
-    ) -> Iterator[Prediction]:
+    def _delivered(self, query: Query, found: Tried, rows: dict[str, Deform]) -> Iterator[Prediction]:
         """Yield what fits of each top k deliver by each deformation."""
         candidates = found.best.candidates
         for k in query.top_k:

@@ -1,6 +1,6 @@
-"""How sure a mean, a ratio of means or a share is: 95 % intervals over instances.
+"""How sure a mean, a ratio of means or a fraction is: 95 % intervals over instances.
 
-Means and ratios: percentile bootstrap, instances drawn with replacement; a ratio draws its pairs together. Shares:
+Means and ratios: percentile bootstrap, instances drawn with replacement; a ratio draws its pairs together. Fractions:
 Wilson's score interval, which is not empty where all instances agree.
 """
 
@@ -67,18 +67,18 @@ def ratio_interval(above: Sequence[float], below: Sequence[float], seed: int) ->
     return Interval(float(ratio(np.arange(len(over))[None])[0]), *_bootstrap(len(over), ratio, seed))
 
 
-def share_interval(hits: Sequence[bool]) -> Interval:
-    """Share of true values among at least one."""
+def fraction_interval(hits: Sequence[bool]) -> Interval:
+    """Compute the fraction of true values among at least one."""
     n = len(hits)
-    share = sum(hits) / n
+    fraction = sum(hits) / n
     if n < 2:
-        return Interval(share, None, None)
-    spread = _NORMAL * math.sqrt(share * (1 - share) / n + _NORMAL**2 / (4 * n**2))
-    middle = share + _NORMAL**2 / (2 * n)
+        return Interval(fraction, None, None)
+    spread = _NORMAL * math.sqrt(fraction * (1 - fraction) / n + _NORMAL**2 / (4 * n**2))
+    middle = fraction + _NORMAL**2 / (2 * n)
     scale = 1 + _NORMAL**2 / n
-    # Rounding must not leave a share of 0 or 1 outside.
+    # Rounding must not leave a fraction of 0 or 1 outside.
     return Interval(
-        share, min(max((middle - spread) / scale, 0.0), share), max(min((middle + spread) / scale, 1.0), share)
+        fraction, min(max((middle - spread) / scale, 0.0), fraction), max(min((middle + spread) / scale, 1.0), fraction)
     )
 
 

@@ -1,6 +1,6 @@
 """Whether confidence can be believed: of the fits that say 80 %, are 80 % right, and do right ones say more?
 
-Expected calibration error (ECE, Naeini et al. 2015): mean over all fits of |mean confidence - share right| of their
+Expected calibration error (ECE, Naeini et al. 2015): mean over all fits of |mean confidence - fraction right| of their
 bin; bins of equal width. Area under the ROC curve (AUC): probability that a right fit is more confident than a wrong
 one.
 """
@@ -21,7 +21,7 @@ class Bin:
     """Fits whose confidence lies in [low, high), the last bin closed.
 
     Attributes:
-        n: how many; at least 1. confidence: their mean; right: share of them that is right.
+        n: how many; at least 1. confidence: their mean; right: fraction of them that is right.
     """
 
     low: float

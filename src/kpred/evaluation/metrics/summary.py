@@ -8,11 +8,11 @@ from typing import Any
 
 from kpred.evaluation.metrics.intervals import (
     Interval,
+    fraction_interval,
     mean_interval,
     median_interval,
     percentile_95,
     ratio_interval,
-    share_interval,
 )
 from kpred.json_output import plain
 
@@ -28,7 +28,7 @@ class Summary:
 
     Attributes:
         dataset, split, category: of the scans; group: which of them, as `symmetry none`, or all.
-        metric: what was measured; statistic: `mean`, `median`, `share`, `ratio of means` or `95th percentile`.
+        metric: what was measured; statistic: `mean`, `median`, `fraction`, `ratio of means` or `95th percentile`.
         unit, frame: how to read the value; n: number of scans.
         low, high: 95 % interval over the scans (`kpred.evaluation.metrics.intervals`); None where there are fewer
     than two.
@@ -76,9 +76,9 @@ class Scope:
         interval = lambda: Interval(percentile_95(values), None, None)  # noqa: E731
         return self._made(values, interval, metric, "95th percentile", unit, frame, group)
 
-    def share(self, metric: str, hits: Sequence[bool], frame: str, group: str = ALL) -> list[Summary]:
-        """Share of true values."""
-        return self._made(hits, lambda: share_interval(hits), metric, "share", NO_UNIT, frame, group)
+    def fraction(self, metric: str, hits: Sequence[bool], frame: str, group: str = ALL) -> list[Summary]:
+        """Summarize the fraction of true values."""
+        return self._made(hits, lambda: fraction_interval(hits), metric, "fraction", NO_UNIT, frame, group)
 
     def ratio(
         self, metric: str, above: Sequence[float], below: Sequence[float], frame: str, group: str = ALL

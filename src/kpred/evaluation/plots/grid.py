@@ -39,9 +39,8 @@ class GridConfig:
 
     Attributes:
         split, count, seed: which targets of each pack, drawn by seed.
-        occlusion: share of the target that a plane hides; 0 shows and fits all of it.
+        occlusion: fraction of the target that a plane hides; 0 shows and fits all of it.
         top_k: how many retrieved models are deformed and compared.
-        feed_forward: show the result before refinement too.
     """
 
     split: str = "val"
@@ -49,7 +48,6 @@ class GridConfig:
     seed: int = 0
     occlusion: float = 0.0
     top_k: int = 10
-    feed_forward: bool = True
 
 
 def grid_figure(
@@ -77,7 +75,7 @@ def grid_figure(
     chosen = TableConfig(split=config.split, limit=config.count, seed=config.seed, top_k=(config.top_k,))
     titles = ["target"]
     for name in loaded:
-        shown = [*(["feed-forward"] if config.feed_forward else []), "source of refined", "refined"]
+        shown = ["feed-forward", "source of refined", "refined"]
         titles += [f"{name}\n{what}" if len(loaded) > 1 else what for what in shown]
     rows: list[list[np.ndarray | None]] = []
     names: list[str] = []
@@ -108,14 +106,12 @@ def _results(
     cloud = _cloud(target, config).numpy().astype(np.float64)
     options: dict[str, Any] = {"frame": "known", "category": pack.category, "partial": config.occlusion > 0}
     refined = try_fit(cloud, settings, **options)
-    plain = try_fit(cloud, settings, deform="paper", **options) if config.feed_forward else None
+    plain = try_fit(cloud, settings, deform="paper", **options)
     if isinstance(refined, str):
         report(f"no result: {target.model_id}: {refined}")
-        return [None] * (3 if config.feed_forward else 2)
-    cells: list[np.ndarray | None] = []
-    if config.feed_forward:
-        cells.append(None if plain is None or isinstance(plain, str) else _mesh(plain.mesh, _error(plain)))
-    return [*cells, _mesh(refined.retrieved_mesh, ""), _mesh(refined.mesh, _error(refined))]
+        return [None] * 3
+    published = None if isinstance(plain, str) else _mesh(plain.mesh, _error(plain))
+    return [published, _mesh(refined.retrieved_mesh, ""), _mesh(refined.mesh, _error(refined))]
 
 
 def _error(found: Fit) -> str:

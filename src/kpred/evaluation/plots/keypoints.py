@@ -57,7 +57,7 @@ def influence_figure(
     total = network.config.keypoints
     wrong = [number for number in keypoints if not 0 <= number < total]
     if wrong or not keypoints:
-        raise ConfigError(f"Keypoints are numbered 0 to {total - 1}, but {wrong or 'none'} was asked for.")
+        raise ConfigError(f"Keypoints are numbered 0 to {total - 1}, but {wrong or 'none'} was given.")
     entries = chosen_entries(database, network.config.category, count, seed)
     rows: list[list[np.ndarray | None]] = []
     names = []

@@ -1,4 +1,4 @@
-"""Occlusion curves (the paper's figure of partial shapes): UCD against the share that is hidden, with 95 % bands."""
+"""Occlusion curves (the paper's figure of partial shapes): UCD against the fraction that is hidden, with 95 % bands."""
 
 from __future__ import annotations
 

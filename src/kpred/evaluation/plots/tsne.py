@@ -58,11 +58,11 @@ def joint_probabilities(
 def _with_perplexity(squared: np.ndarray, perplexity: float) -> np.ndarray:
     """Normalised exp(-beta squared) with beta by bisection, so that its entropy is log(perplexity)."""
     low, high, beta = 0.0, np.inf, 1.0
-    share = np.full(len(squared), 1 / len(squared))
+    probability = np.full(len(squared), 1 / len(squared))
     for _ in range(64):
         weight = np.exp(-beta * (squared - squared.min()))
-        share = weight / weight.sum()
-        entropy = -float((share * np.log(np.maximum(share, 1e-300))).sum())
+        probability = weight / weight.sum()
+        entropy = -float((probability * np.log(np.maximum(probability, 1e-300))).sum())
         if abs(entropy - np.log(perplexity)) < 1e-5:
             break
         if entropy > np.log(perplexity):
@@ -71,7 +71,7 @@ def _with_perplexity(squared: np.ndarray, perplexity: float) -> np.ndarray:
         else:
             high = beta
             beta = (beta + low) / 2
-    return share
+    return probability
 
 
 def _gradient(wanted: np.ndarray, places: np.ndarray) -> np.ndarray:

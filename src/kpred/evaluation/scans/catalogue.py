@@ -17,6 +17,7 @@ from kpred.database import Database
 from kpred.errors import DatabaseError, PackError
 from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, counter, database_source
 from kpred.evaluation.header import provenance, versions
+from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.scans.catalogue_outcomes import CatalogueOutcome, measure_catalogue_scan
 from kpred.evaluation.scans.catalogue_summaries import summarise_catalogue
 from kpred.evaluation.scans.outcome import FitSettings
@@ -63,22 +64,17 @@ def evaluate_catalogue(
     """
     plan = config or ScanConfig()
     networks = resolve_model(model)
-    remarks: list[str] = []
-
-    def tell(sentence: str) -> None:
-        remarks.append(sentence)
-        report(sentence)
-
+    remarks = Remarks(report)
     files = pack_files(packs) if packs else []
     loaded = {file: MeshPack.load(file) for file in files}
-    with _opened(loaded, networks, database, plan, progress, tell) as store:
+    with _opened(loaded, networks, database, plan, progress, remarks) as store:
         settings = FitSettings(networks, store, plan.top_k, plan.seed)
         groups = _of_packs(loaded, settings, plan) if files else _of_database(settings, plan)
-        scanned = run_scans(groups, measure_catalogue_scan, plan, progress, tell)
+        scanned = run_scans(groups, measure_catalogue_scan, plan, progress, remarks)
         where = str(store.path) if database is not None or not files else _BUILT
     worst = sorted(shown(scanned), key=_badness, reverse=True)[: plan.tiles]
     return ScanReport(
-        header=_header(networks, where, plan) | {"remarks": remarks},
+        header=_header(networks, where, plan) | {"remarks": remarks.sentences},
         summaries=tuple(summaries_of(scanned, summarise_catalogue, SOURCE_SPLIT, plan.seed)),
         outcomes=tuple((one.dataset, one.outcome) for one in scanned),
         tiles=tuple(_tile(*pair) for pair in worst),

@@ -30,10 +30,10 @@ SIDE, FRAME, SCAN = "longest side", "true unit box", "scan"
 def summarise_catalogue(outcomes: Sequence[CatalogueOutcome], scope: Scope) -> list[Summary]:
     """Summarise some outcomes: fractions, means and medians with 95 % intervals."""
     first = [one for one in outcomes if one.first]
-    rows = scope.share("right_model_first", [one.first for one in outcomes], SCAN)
-    rows += scope.share("right_model_in_top_k", [one.rank is not None for one in outcomes], SCAN)
-    rows += scope.share("yaw_right", [one.yaw_right for one in outcomes], SCAN)
-    rows += scope.share("failed", [one.failure is not None for one in outcomes], SCAN)
+    rows = scope.fraction("right_model_first", [one.first for one in outcomes], SCAN)
+    rows += scope.fraction("right_model_in_top_k", [one.rank is not None for one in outcomes], SCAN)
+    rows += scope.fraction("yaw_right", [one.yaw_right for one in outcomes], SCAN)
+    rows += scope.fraction("failed", [one.failure is not None for one in outcomes], SCAN)
     rows += scope.mean("distance", [one.distance for one in outcomes if one.distance is not None], SIDE, FRAME)
     times = [one.milliseconds for one in outcomes if one.milliseconds is not None]
     return rows + scope.median("milliseconds", times, "ms", SCAN) + _of_right_models(first, scope)
@@ -49,7 +49,7 @@ def _of_right_models(first: Sequence[CatalogueOutcome], scope: Scope) -> list[Su
     rows += scope.median("undeformed_distance", undeformed, SIDE, FRAME, FIRST)
     rows += scope.median("distance_ratio", ratios, NO_UNIT, FRAME, FIRST)
     rows += scope.median("board_thickness", thickness, NO_UNIT, FRAME, FIRST)
-    rows += scope.share("boards_kept", kept, FRAME, FIRST)
+    rows += scope.fraction("boards_kept", kept, FRAME, FIRST)
     for step in STEPS:
-        rows += scope.share(f"step_{step}", [one.step == step for one in first], SCAN, FIRST)
-    return rows + scope.share("yaw_right", [one.yaw_right for one in first], SCAN, FIRST)
+        rows += scope.fraction(f"step_{step}", [one.step == step for one in first], SCAN, FIRST)
+    return rows + scope.fraction("yaw_right", [one.yaw_right for one in first], SCAN, FIRST)

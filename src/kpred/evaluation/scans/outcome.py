@@ -37,7 +37,7 @@ class FitOutcome:
     Attributes:
         category: of the true shape; failure: why there is no result.
         found: category of the result; model: id of its model.
-        confidence: of the result, None where it was not judged; warnings: number of its warnings.
+        confidence: of the result, None where there is none; warnings: number of its warnings.
         milliseconds: of the fit.
     """
 

@@ -195,16 +195,16 @@ def summarise_crops(outcomes: Sequence[CropOutcome], dataset: str, seed: int) ->
         scope, frame = Scope(dataset, SPLIT, category, seed), "scan"
         for name in ("distance_all", "distance_kept"):
             rows += scope.mean(name, [getattr(outcome, name) for outcome in fitted], "m", frame)
-        rows += scope.share("all_points_under_4_cm", [outcome.all_near for outcome in mine], frame)
-        rows += scope.share("kept_points_under_4_cm", [outcome.near for outcome in mine], frame)
-        rows += scope.share("category_right", [outcome.category_right for outcome in mine], frame)
+        rows += scope.fraction("all_points_under_4_cm", [outcome.all_near for outcome in mine], frame)
+        rows += scope.fraction("kept_points_under_4_cm", [outcome.near for outcome in mine], frame)
+        rows += scope.fraction("category_right", [outcome.category_right for outcome in mine], frame)
         found_up = [outcome.up_right for outcome in fitted if outcome.up_right is not None]
-        rows += scope.share("up_axis_right", found_up, frame)
+        rows += scope.fraction("up_axis_right", found_up, frame)
         rows += _of_cleanliness([one.cleanliness for one in fitted if one.cleanliness is not None], scope)
-        rows += scope.share("warned", [outcome.warnings > 0 for outcome in mine], frame)
+        rows += scope.fraction("warned", [outcome.warnings > 0 for outcome in mine], frame)
         said = [outcome.confidence for outcome in mine if outcome.confidence is not None]
         rows += scope.mean("confidence", said, "1", frame)
-        rows += scope.share("failed", [outcome.failure is not None for outcome in mine], frame)
+        rows += scope.fraction("failed", [outcome.failure is not None for outcome in mine], frame)
         milliseconds = [outcome.milliseconds for outcome in fitted if outcome.milliseconds is not None]
         rows += scope.median("milliseconds", milliseconds, "ms", frame)
     return rows

@@ -56,7 +56,18 @@ def crop_notes(crops: Sequence[CropOutcome]) -> Iterator[str]:
 
 def object_page(objects: Sequence[SceneOutcome]) -> Page:
     """Lay out annotated objects, one a row."""
-    columns = ["object", "found untold", "model", "result", "annotated", "ratio", "centre", "yaw °", "confidence", "ms"]
+    columns = [
+        "object",
+        "found if not given",
+        "model",
+        "result",
+        "annotated",
+        "ratio",
+        "centre",
+        "yaw °",
+        "confidence",
+        "ms",
+    ]
     return Page(
         "annotated objects; mean distance of their points to result and annotated CAD model, cm, scan's frame",
         [*columns, ""],

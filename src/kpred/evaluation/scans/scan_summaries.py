@@ -10,7 +10,7 @@ see `kpred.evaluation.scans.virtual_scans`):
     category_right           of all targets
     centre_error, size_error of the result's box
     right                    category and yaw right and the whole surface within 0.1 unit box on average
-    failed                   no result at all; counts as wrong in all shares
+    failed                   no result at all; counts as wrong in all fractions
     milliseconds             of the unknown fit
     other_doubted            things of no known category: confidence under 0.5, or refused with an error
     other_warned             with a warning, or refused with an error
@@ -54,10 +54,10 @@ def confusion(outcomes: Sequence[ScanOutcome]) -> dict[str, dict[str, int]]:
 
 def reliability_of(outcomes: Sequence[ScanOutcome]) -> Reliability | None:
     """Reliability of results that have a confidence, None without any; whatever is made of other things is wrong."""
-    judged = [(outcome.confidence, outcome.right) for outcome in outcomes if outcome.confidence is not None]
-    if not judged:
+    pairs = [(outcome.confidence, outcome.right) for outcome in outcomes if outcome.confidence is not None]
+    if not pairs:
         return None
-    return reliability([confidence for confidence, _ in judged], [right for _, right in judged])
+    return reliability([confidence for confidence, _ in pairs], [right for _, right in pairs])
 
 
 def _of_targets(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
@@ -73,33 +73,33 @@ def _of_targets(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
         rows += scope.ratio(f"ucd_{name}_ratio", unknown, known, UNIT_BOX)
     rows += scope.mean("distance_whole_unknown", [errors.distance for errors in fitted], "unit box", UNIT_BOX)
     rows += _of_yaw(targets, scope)
-    rows += scope.share("up_axis_right", [target.up_right for target in targets], SCAN)
-    rows += scope.share("category_right", [target.category_right for target in targets], SCAN)
+    rows += scope.fraction("up_axis_right", [target.up_right for target in targets], SCAN)
+    rows += scope.fraction("category_right", [target.category_right for target in targets], SCAN)
     rows += scope.mean("centre_error", [errors.centre for errors in fitted], "longest side", UNIT_BOX)
     rows += scope.mean("size_error", [errors.size for errors in fitted], "longest side", UNIT_BOX)
-    rows += scope.share("right", [target.right for target in targets], UNIT_BOX)
-    rows += scope.share("failed", [target.failure is not None for target in targets], SCAN)
+    rows += scope.fraction("right", [target.right for target in targets], UNIT_BOX)
+    rows += scope.fraction("failed", [target.failure is not None for target in targets], SCAN)
     return rows + scope.median("milliseconds", _milliseconds(targets), "ms", SCAN)
 
 
 def _of_yaw(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
-    rows = scope.share("yaw_right", [target.yaw_right for target in targets], SCAN)
+    rows = scope.fraction("yaw_right", [target.yaw_right for target in targets], SCAN)
     for symmetry in SYMMETRIES:
         alike = [target.yaw_right for target in targets if target.symmetry == symmetry.name]
-        rows += scope.share("yaw_right", alike, SCAN, group=f"symmetry {symmetry.name}")
+        rows += scope.fraction("yaw_right", alike, SCAN, group=f"symmetry {symmetry.name}")
     return rows + scope.mean("yaw_error", [t.yaw for t in targets if t.yaw is not None], "degrees", SCAN)
 
 
 def _of_others(others: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
     refused = [other.failure is not None for other in others]
     warned = [bool(other.warnings) or failed for other, failed in zip(others, refused, strict=True)]
-    rows = scope.share("other_warned", warned, SCAN)
+    rows = scope.fraction("other_warned", warned, SCAN)
     if all(other.confidence is not None or failed for other, failed in zip(others, refused, strict=True)):
         doubted = [other.confidence is None or other.confidence < DOUBTED for other in others]
-        rows += scope.share("other_doubted", doubted, SCAN)
+        rows += scope.fraction("other_doubted", doubted, SCAN)
         unnoticed = [not (one or two) for one, two in zip(doubted, warned, strict=True)]
-        rows += scope.share("other_unnoticed", unnoticed, SCAN)
-    rows += scope.share("other_refused", refused, SCAN)
+        rows += scope.fraction("other_unnoticed", unnoticed, SCAN)
+    rows += scope.fraction("other_refused", refused, SCAN)
     return rows + scope.median("other_milliseconds", _milliseconds(others), "ms", SCAN)
 
 

@@ -110,12 +110,12 @@ def evaluate_scenes(
         name, total = f"{annotation.id_scan}: objects", len(objects) + len(known)
         options: dict[str, Any] = {"top_k": settings.top_k, "seed": settings.seed}
         step = _step(progress, name, 0, total)
-        told = fit_scene(scene, objects, settings.model, settings.database, progress=step, **options)
+        given = fit_scene(scene, objects, settings.model, settings.database, progress=step, **options)
         nameless = [replace(item, category=None) for item in known]
-        step, floor = _step(progress, name, len(objects), total), told.floor or False
-        untold = fit_scene(scene, nameless, settings.model, settings.database, progress=step, floor=floor, **options)
-        pairs = zip([fit for fit in told.fits if fit.object in known], untold.fits, strict=True)
-        outcomes += [_measured(annotation.id_scan, one, two, root, settings) for one, two in pairs]
+        step, floor = _step(progress, name, len(objects), total), given.floor or False
+        free = fit_scene(scene, nameless, settings.model, settings.database, progress=step, floor=floor, **options)
+        pairs = zip([fit for fit in given.fits if fit.object in known], free.fits, strict=True)
+        outcomes += [_measured(annotation.id_scan, one, two, root) for one, two in pairs]
     if not outcomes:
         raise ScanError(f"{file}: it has no object of a known category ({', '.join(settings.model.categories)}).")
     return outcomes
@@ -152,8 +152,8 @@ def summarise_scenes(outcomes: Sequence[SceneOutcome], dataset: str, seed: int) 
         rows += scope.ratio("distance_ratio", distances, annotated, frame)
         rows += scope.mean("centre", [o.centre_cm for o in fitted if o.centre_cm is not None], "cm", frame)
         rows += scope.mean("yaw_error", [o.yaw for o in fitted if o.yaw is not None], "degrees", frame)
-        rows += scope.share("category_right_untold", [o.found == o.category for o in mine], frame)
-        rows += scope.share("passes", [outcome.passes for outcome in mine], frame)
+        rows += scope.fraction("category_right_not_given", [o.found == o.category for o in mine], frame)
+        rows += scope.fraction("passes", [outcome.passes for outcome in mine], frame)
         milliseconds = [o.milliseconds for o in fitted if o.milliseconds is not None]
         rows += scope.median("milliseconds", milliseconds, "ms", frame)
     return rows
@@ -186,11 +186,11 @@ def annotated_centre(model: AlignedModel, placed: trimesh.Trimesh) -> np.ndarray
     return np.asarray(model.cad_to_scan[:3, :3] @ middle + model.cad_to_scan[:3, 3])
 
 
-def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, settings: FitSettings) -> SceneOutcome:
-    item, model = told.object, told.object.annotation
+def _measured(scene: str, given: ObjectFit, free: ObjectFit, root: Path) -> SceneOutcome:
+    item, model = given.object, given.object.annotation
     outcome = SceneOutcome(scene=scene, name=item.name, category=str(item.category), points=len(item.points))
-    if told.fit is None or model is None:
-        return _failed(outcome, item, told.error or f"{item.name}: it has no annotated CAD model.")
+    if given.fit is None or model is None:
+        return _failed(outcome, item, given.error or f"{item.name}: it has no annotated CAD model.")
     try:
         placed, rotation = annotated_mesh(model, root), annotated_rotation(model)
         annotated = Surface(placed).distances(item.points)
@@ -199,10 +199,10 @@ def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, settin
     except ValueError:
         return _failed(outcome, item, f"{item.name}: its annotated pose mirrors the CAD model; mend or remove it.")
     symmetry = OF_SCAN2CAD.get(model.sym, NONE)
-    distance = float(Surface(told.fit.mesh).distances(item.points).mean())
-    centre_cm = 100 * float(np.linalg.norm(told.cad_to_scan()[:3, 3] - annotated_centre(model, placed)))
-    yaw = yaw_error(yaw_between(told.fit.frame.rotation, rotation), symmetry)
-    said = claims(told.fit) | {"found": None if untold.fit is None else untold.fit.category}
+    distance = float(Surface(given.fit.mesh).distances(item.points).mean())
+    centre_cm = 100 * float(np.linalg.norm(given.cad_to_scan()[:3, 3] - annotated_centre(model, placed)))
+    yaw = yaw_error(yaw_between(given.fit.frame.rotation, rotation), symmetry)
+    said = claims(given.fit) | {"found": None if free.fit is None else free.fit.category}
     outcome = replace(
         outcome,
         distance=distance,
@@ -212,7 +212,7 @@ def _measured(scene: str, told: ObjectFit, untold: ObjectFit, root: Path, settin
         symmetry=symmetry.name,
         **said,
     )
-    turned = trimesh.Trimesh(np.asarray(told.fit.mesh.vertices) @ rotation.T, told.fit.mesh.faces, process=False)
+    turned = trimesh.Trimesh(np.asarray(given.fit.mesh.vertices) @ rotation.T, given.fit.mesh.faces, process=False)
     lines = (
         f"{scene} {item.name}",
         f"{100 * distance:.1f} cm, annotated {100 * annotated.mean():.1f} cm",

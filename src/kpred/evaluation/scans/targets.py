@@ -145,9 +145,9 @@ def random_frame(generator: torch.Generator) -> Frame:
     )
 
 
-def _between(limits: tuple[float, float], share: float) -> float:
+def _between(limits: tuple[float, float], fraction: float) -> float:
     low, high = limits
-    return low + (high - low) * share
+    return low + (high - low) * fraction
 
 
 def _array(points: Tensor) -> np.ndarray:

@@ -20,6 +20,7 @@ from kpred.errors import DatabaseError, PackError
 from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, counter, database_source
 from kpred.evaluation.header import provenance, versions
 from kpred.evaluation.metrics.reliability import Reliability
+from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.scans import targets as scan_targets
 from kpred.evaluation.scans.outcome import YAW_RIGHT, FitSettings
 from kpred.evaluation.scans.run import (
@@ -100,12 +101,7 @@ def evaluate_scans(
         ModelError, DatabaseError: they are missing, do not fit each other, or do not know a pack's category.
     """
     plan = config or ScanConfig()
-    remarks: list[str] = []
-
-    def tell(sentence: str) -> None:
-        remarks.append(sentence)
-        report(sentence)
-
+    remarks = Remarks(report)
     networks = model if isinstance(model, Model) else load_model(model)
     loaded = {file: MeshPack.load(file) for file in pack_files(packs)}
     for file, pack in loaded.items():
@@ -114,14 +110,14 @@ def evaluate_scans(
         check_split(file, pack, split)
     sources = {file: _sources(file, loaded, needed=database is None) for file in loaded}
     with ExitStack() as stack:
-        stores = _Stores(networks, database, plan, loaded, stack, progress, tell)
+        stores = _Stores(networks, database, plan, loaded, stack, progress, remarks)
         groups = (
-            _group(file, pack, stores.of(file, sources[file]), split, plan, tell) for file, pack in loaded.items()
+            _group(file, pack, stores.of(file, sources[file]), split, plan, remarks) for file, pack in loaded.items()
         )
-        scanned = run_scans(groups, _measure, plan, progress, tell)
+        scanned = run_scans(groups, _measure, plan, progress, remarks)
     everyone = [one.outcome for one in scanned]
     return ScansReport(
-        header=_header(networks, database, split, plan) | {"remarks": remarks},
+        header=_header(networks, database, split, plan) | {"remarks": remarks.sentences},
         summaries=tuple(summaries_of(scanned, summarise, split, plan.seed)),
         confusion=confusion(everyone),
         reliability=reliability_of(everyone),

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kpred.errors import ConfigError
-from kpred.evaluation.database_source import Progress, content_hash
+from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, content_hash
 from kpred.evaluation.header import weights_hash
+from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.tables.compare import Comparison, compare_series
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import add_scores, header_of
@@ -68,7 +69,7 @@ def make_ablation_table(
             measured.
         rows: full rows are measured by `config` as the full table is, partial rows at each of `config.occlusions`.
         folder: of all runs; `folder/<data set>/<category>/<row>/`.
-        only_finished: train nothing; rows that are not trained are left out and told.
+        only_finished: train nothing; rows that are not trained are left out and reported.
         report: called with one sentence for what is left out; the header keeps them as well.
 
     Raises:
@@ -76,20 +77,9 @@ def make_ablation_table(
         CheckpointError: the folder holds runs by other settings or on other data.
         ConfigError: two packs have the same data set and category.
     """
-    sources = [SourcePack(file, MeshPack.load(file)) for file in pack_files(packs)]
-    places = [(source.dataset, source.pack.category) for source in sources]
-    if len(set(places)) < len(places):
-        raise ConfigError("Two packs are of one data set and category; give one pack of each.")
-    for source in sources:
-        for split in ("source", config.split):
-            check_split(source.file, source.pack, split)
-    remarks: list[str] = []
-
-    def tell(sentence: str) -> None:
-        if sentence not in remarks:  # each row would tell of the same broken shape
-            remarks.append(sentence)
-            report(sentence)
-
+    sources = _read(packs, config.split)
+    # Each row would report the same broken shape.
+    remarks = Remarks(report, unique=True)
     # One a pack for all rows: it keeps the prepared shapes.
     trained = {
         source: runs(source, folder / source.dataset / source.pack.category, content_hash(source.file))
@@ -102,19 +92,28 @@ def make_ablation_table(
         for source in sources:
             mine = trained[source]
             if only_finished and not mine.finished(row):
-                tell(
-                    f"left out: {source.dataset}/{source.pack.category}, row {row.name}: it is not trained to the end."
-                )
+                remarks(f"left out: {source.name}, row {row.name}: it is not trained to the end.")
                 continue
             weights = mine.weights(row)
             model = load_model(weights)
             models.setdefault(row.name, Model(str(folder / row.name), {}))
             models[row.name].networks.update(model.networks)
-            tables.append(_measured(source, row, model, weights.parent, _config_of(row, config), progress, tell))
+            tables.append(_measured(source, row, model, weights.parent, _config_of(row, config), progress, remarks))
     if not tables:
         raise ConfigError(f"{folder} holds no finished row; train some first.")
-    settings = {"rows": [row.name for row in rows], "remarks": remarks}
+    settings = {"rows": [row.name for row in rows], "remarks": remarks.sentences}
     return merged(tables, header_of(models, sources, replace(config, kind="ablation"), {}) | settings)
+
+
+def _read(packs: Sequence[str | Path], split: str) -> list[SourcePack]:
+    """Read and check all packs, one of each category of a data set."""
+    sources = [SourcePack(file, MeshPack.load(file)) for file in pack_files(packs)]
+    if len({source.name for source in sources}) < len(sources):
+        raise ConfigError("Two packs are of one data set and category; give one pack of each.")
+    for source in sources:
+        for needed in (SOURCE_SPLIT, split):
+            check_split(source.file, source.pack, needed)
+    return sources
 
 
 def effects(table: Table) -> list[Effect]:
@@ -155,17 +154,12 @@ def _measured(
         for sentence in table.header.get("remarks", []):
             report(sentence)
         return table
-    remarks: list[str] = []
-    table = Table(header | {"remarks": remarks})
-
-    def tell(sentence: str) -> None:
-        remarks.append(sentence)
-        report(sentence)
-
+    remarks = Remarks(report)
+    table = Table(header | {"remarks": remarks.sentences})
     label = f"row {row.name}, "
     named = None if progress is None else lambda task, done, total: progress(label + task, done, total)
     models = {row.name: model}
-    with open_pack(source, models, {}, config, None, named, tell) as pack:
-        add_scores(table, pack, models, config, named, tell, baselines=False)
+    with open_pack(source, models, {}, config, None, named, remarks) as pack:
+        add_scores(table, pack, models, config, named, remarks, baselines=False)
     write_table(table, file)
     return table

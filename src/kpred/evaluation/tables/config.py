@@ -14,8 +14,6 @@ OCCLUSIONS = (0.0, 0.25, 0.5, 0.75)
 MAX_OCCLUSION = 0.95
 """Below some fifty points there is nothing to fit a shape to."""
 
-TOP_K = (1, 5, 10, 25)
-
 KINDS = ("full", "partial", "all", "topk", "oracle", "scan2cad", "ablation")
 _NOT_HIDDEN = ("full", "topk", "scan2cad")
 """Kinds that use no occlusions."""

@@ -19,6 +19,7 @@ from kpred.evaluation.methods.no_learning import NoLearningMethod
 from kpred.evaluation.methods.sources import Sources
 from kpred.evaluation.methods.whole_fit import WholeFitMethod
 from kpred.evaluation.metrics.metric import FRAME, UNIT
+from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.tables.bench import Bench, check_names, prepare
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.packs import OpenPack, SourcePack, Store, checked_packs, open_pack, pack_files
@@ -64,22 +65,17 @@ def make_table(
     loaded = loaded_models(models)
     needs_source = bool(methods) or any(stores.get(name) is None for name in loaded)
     sources = checked_packs(pack_files(packs), list(loaded.values()), config.split, needs_source)
-    remarks: list[str] = []
-
-    def tell(sentence: str) -> None:
-        remarks.append(sentence)
-        report(sentence)
-
-    sources = _named_in(sources, config, tell)
-    table = Table(header_of(loaded, sources, config, stores, methods) | {"remarks": remarks})
+    remarks = Remarks(report)
+    sources = _named_in(sources, config, remarks)
+    table = Table(header_of(loaded, sources, config, stores, methods) | {"remarks": remarks.sentences})
     sizes = table.header["database_models"] = {}
     for source, facts in zip(sources, table.header["data"], strict=True):
-        with open_pack(source, loaded, stores, config, cache, progress, tell) as pack:
+        with open_pack(source, loaded, stores, config, cache, progress, remarks) as pack:
             facts["searched"], sizes[source.name] = pack.sources.digest, len(pack.sources)
             if config.kind == "oracle":
                 add_rankings(table, pack, loaded, config, progress)
             else:
-                add_scores(table, pack, loaded, config, progress, tell, methods)
+                add_scores(table, pack, loaded, config, progress, remarks, methods)
     return table
 
 

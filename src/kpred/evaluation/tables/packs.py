@@ -133,8 +133,10 @@ def open_pack(
             beside = f" of {name}" if len(models) > 1 else ""
             building = counter(progress, f"{source.name}: database{beside}", len(pack.indices(SOURCE_SPLIT)))
             # Broken shapes are the same for every model.
-            tell = report if not stores else _silent
-            opened = database_source([source.file], model, databases.get(name), seed, building, tell, cache=cache)
+            first_report = report if not stores else _silent
+            opened = database_source(
+                [source.file], model, databases.get(name), seed, building, first_report, cache=cache
+            )
             stores[name] = stack.enter_context(opened)
         if stores:
             check_same_shapes(stores, pack.category)

@@ -113,7 +113,7 @@ def _full(table: Table, dataset: str) -> Iterator[Page]:
     categories, series = table.categories(dataset), errors_of(table, dataset)
     base = next((one for one in series if one.method == NO_LEARNING), None)
     yield Page(
-        f"{dataset}, whole shapes: CD, {best_of(table)}, known frame unless told",
+        f"{dataset}, whole shapes: CD, {best_of(table)}, known frame unless stated",
         ["model", "method", *categories, "/ no learning"],
         [
             [
@@ -222,7 +222,7 @@ def _scan2cad(table: Table, dataset: str) -> Iterator[Page]:
     categories = table.categories(dataset)
     count = {name: sum(name in (subject.category, ALL) for subject in table.subjects()) for name in categories}
     yield Page(
-        f"{dataset}, real scans: UCD, {best_of(table)}; frame of the annotated CAD model, known unless told",
+        f"{dataset}, real scans: UCD, {best_of(table)}; frame of the annotated CAD model, known unless stated",
         ["distance", "model", "method", *(f"{name} ({count[name]})" for name in categories)],
         [
             [short(one.metric), one.model, label(one), *(shown(table.cell(one, dataset, name)) for name in categories)]

@@ -54,7 +54,7 @@ class Ranking:
     refined: Float[np.ndarray, " models"]
     undeformed: Float[np.ndarray, " models"]
 
-    def judged_by(self, order: str) -> Float[np.ndarray, " models"]:
+    def sort_key(self, order: str) -> Float[np.ndarray, " models"]:
         """What an order of `ORDERS` goes by, lowest first."""
         again = np.arange(len(self.refined), dtype=np.float64)
         again[:PREFETCH] = -1 / (1 + self.feed_forward[:PREFETCH])
@@ -75,13 +75,13 @@ class Ranking:
 
     def correlation(self, order: str) -> float:
         """Spearman's rank correlation between what the order goes by and the refined error; 0 where all are equal."""
-        one, other = rankdata(self.judged_by(order)), rankdata(self.refined)
+        one, other = rankdata(self.sort_key(order)), rankdata(self.refined)
         if np.ptp(one) == 0 or np.ptp(other) == 0:
             return 0.0
         return float(np.corrcoef(one, other)[0, 1])
 
     def _rows(self, order: str) -> np.ndarray:
-        return self.judged_by(order).argsort(kind="stable")
+        return self.sort_key(order).argsort(kind="stable")
 
 
 def rank(

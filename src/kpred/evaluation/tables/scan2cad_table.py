@@ -1,7 +1,7 @@
 """The table of real scans: objects of Scan2CAD scenes, by the paper's protocol and as a user fits them.
 
 Known frame: an object's scan points are put into the unit box of its annotated CAD model, in the model's canonical
-axes (the paper). Unknown frame: the object is fitted as `kpred scene` fits it, category told. All distances are UCD
+axes (the paper). Unknown frame: the object is fitted as `kpred scene` fits it, category given. All distances are UCD
 in that same unit box, from the scan's points and, as `whole`, from the surface of the annotated CAD model. That model
 itself is measured too: it is the nearest that people found, not the same product.
 """
@@ -28,6 +28,7 @@ from kpred.evaluation.methods.no_learning import NoLearningMethod
 from kpred.evaluation.methods.sources import Sources
 from kpred.evaluation.methods.whole_fit import UNKNOWN_FRAME, sample_mesh
 from kpred.evaluation.metrics.metric import FRAME, UCD, UNIT, WHOLE, Metric
+from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.scans.outcome import moved
 from kpred.evaluation.scans.scenes import ANNOTATIONS, annotated_mesh, annotated_rotation, scan_of
 from kpred.evaluation.tables.bench import FLOOR, PARTIAL, Bench, Condition, check_names, prepare
@@ -75,31 +76,28 @@ def make_scan2cad_table(
     """
     check_names(list(models))
     loaded, stores = loaded_models(models), dict(databases or {})
-    remarks: list[str] = []
-
-    def tell(sentence: str) -> None:
-        remarks.append(sentence)
-        report(sentence)
-
+    remarks = Remarks(report)
     roots = [Path(folder) for folder in folders]
     for root in roots:
         read_annotations(root / ANNOTATIONS)
     files = pack_files(source) if source else []
-    table = Table(_header(loaded, roots, config) | {"remarks": remarks})
+    table = Table(_header(loaded, roots, config) | {"remarks": remarks.sentences})
     with ExitStack() as stack:
         opened: dict[str, Database] = {}
         for name, model in loaded.items():
             building = counter(progress, f"database of {name}", 0)
             given = stores.get(name) if name in stores or files else resolve_database(None)
-            searching = database_source(files, model, given, config.seed, building, tell, cache=cache)
+            searching = database_source(files, model, given, config.seed, building, remarks, cache=cache)
             opened[name] = stack.enter_context(searching)
         table.header["databases"] = {name: str(store.path) for name, store in opened.items()}
-        benches = _Benches(loaded, opened, config, tell)
+        benches = _Benches(loaded, opened, config, remarks)
         for root in roots:
-            for annotation in _annotations(root, tell):
-                _add_scene(table, root, annotation, benches, progress, tell)
+            for annotation in _annotations(root, remarks):
+                _add_scene(table, root, annotation, benches, progress, remarks)
     if not table.values:
-        raise ScanError(f"{roots[0]}: no annotated object of a known category could be measured; {' '.join(remarks)}")
+        raise ScanError(
+            f"{roots[0]}: no annotated object of a known category could be measured; {' '.join(remarks.sentences)}"
+        )
     return table
 
 

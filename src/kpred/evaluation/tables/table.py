@@ -17,7 +17,7 @@ from typing import Any
 
 from kpred.atomic import check_place, write_together
 from kpred.errors import OutputError, PackError
-from kpred.evaluation.metrics.intervals import Interval, mean_interval, percentile_95, ratio_interval, share_interval
+from kpred.evaluation.metrics.intervals import Interval, fraction_interval, mean_interval, percentile_95, ratio_interval
 from kpred.evaluation.metrics.metric import FRACTION, Metric
 from kpred.evaluation.tables.former_table import series_of_version_1
 from kpred.json_output import json_text, plain
@@ -254,7 +254,7 @@ def _interval(series: Series, values: Sequence[float], seed: int) -> Interval:
     if len(finite_values) < len(values):
         return Interval(math.inf, None, None)
     return (
-        share_interval([value > 0 for value in values])
+        fraction_interval([value > 0 for value in values])
         if series.metric.unit == FRACTION
         else mean_interval(values, seed)
     )

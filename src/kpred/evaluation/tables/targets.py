@@ -36,7 +36,7 @@ class Target:
     normal: torch.Tensor
 
     def visible(self, occlusion: float) -> torch.Tensor:
-        """The points that remain when the plane hides a share `occlusion` of them; still in the whole shape's box."""
+        """Return the points that remain when the plane hides a fraction of them; still in the whole shape's box."""
         seen = slice_by_plane(self.points[None], torch.tensor([occlusion]), self.normal[None])[0]
         return self.points[seen]
 
