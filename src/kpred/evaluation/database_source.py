@@ -30,7 +30,7 @@ def database_source(
     report: Callable[[str], None],
     cache: Path | None = None,
 ) -> Iterator[Database]:
-    """The given database, or a temporary one of the source shapes of all these packs; closed at the end if opened here.
+    """Open the given database, or build a temporary one of the packs' source shapes; it is closed at the end.
 
     With a `cache` folder the database that is built stays there, under a name made of packs, weights and seed; it is
     taken from there the next time, and one that was not finished is gone on with.
@@ -88,5 +88,5 @@ def content_hash(file: Path) -> str:
 
 
 def counter(progress: Progress | None, name: str, total: int) -> Callable[[int], None] | None:
-    """A `Progress` that knows already what is being done and how much there is."""
+    """Make a counter of one task for a `Progress`."""
     return None if progress is None else lambda done: progress(name, done, total)

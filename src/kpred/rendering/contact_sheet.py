@@ -135,7 +135,7 @@ def _dot(canvas: np.ndarray, camera: Camera, points: np.ndarray, colors: np.ndar
 
 
 def _fitting(line: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> str:
-    """The line, cut where it would leave its tile."""
+    """Cut a line where it would leave its tile."""
     while line and font.getlength(line) > width - 4 * MARGIN:
         line = line.removesuffix("…")[:-1] + "…" if len(line.removesuffix("…")) > 1 else ""
     return line

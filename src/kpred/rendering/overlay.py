@@ -124,14 +124,14 @@ def read_photograph(path: str | os.PathLike[str]) -> np.ndarray:
 
 
 def _averaged(values: np.ndarray) -> np.ndarray:
-    """Samples (height * 2, width * 2, C) -> pixels (height, width, C)."""
+    """Average samples (height * 2, width * 2, C) to pixels (height, width, C)."""
     height, width, channels = values.shape
     blocks = values.reshape(height // _SAMPLES, _SAMPLES, width // _SAMPLES, _SAMPLES, channels)
     return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _normals(corners: np.ndarray) -> np.ndarray:
-    """Unit normals (F, 3) in camera axes that point toward the camera; corners (F, 3, 3)."""
+    """Compute unit normals (F, 3) toward the camera, in camera axes; corners (F, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     away = (normal * corners[:, 0]).sum(axis=1) > 0
     normal[away] *= -1

@@ -64,7 +64,7 @@ def save_scene_picture(scene_fit: SceneFit, path: str | Path) -> bool:
 
 
 def _scan(scene_fit: SceneFit) -> Layer:
-    """The scan's points or mesh, with its colours; points that are not finite are left out."""
+    """Make a layer of the scan's points or mesh, with its colours; points that are not finite are left out."""
     scene = scene_fit.scene
     points = (scene.points @ scene_fit.scan_to_glb()[:3, :3].T).astype(np.float32)
     finite = np.isfinite(points).all(axis=1)

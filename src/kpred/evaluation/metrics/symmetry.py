@@ -49,7 +49,7 @@ OF_SCAN2CAD = {"__SYM_ROTATE_UP_2": HALF_TURN, "__SYM_ROTATE_UP_4": QUARTER_TURN
 
 
 def vertical_symmetry(surface: Float[np.ndarray, "points 3"]) -> Symmetry:
-    """The largest of the groups of `SYMMETRIES` all turns of which leave a surface as it is.
+    """Find the largest group of `SYMMETRIES` whose rotations all map a surface onto itself.
 
     Args:
         surface: points spread evenly over the whole surface, in random order, y up, any unit. Take 8192 of them: what
@@ -97,7 +97,7 @@ def yaw_between(found: Float[np.ndarray, "3 3"], true: Float[np.ndarray, "3 3"])
 
 
 def yaw_error(degrees: float, symmetry: Symmetry) -> float:
-    """What remains of a turn, in [0, 180] degrees, after the nearest turn of a symmetry is taken off."""
+    """Reduce a rotation to [0, 180] degrees by the nearest rotation of a symmetry."""
     if symmetry.step == 0:
         return 0.0
     rest = degrees % symmetry.step

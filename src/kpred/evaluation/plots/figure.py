@@ -36,7 +36,7 @@ def check_figure(path: str | os.PathLike[str]) -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty white figure, inches."""
+    """Make an empty white figure, inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

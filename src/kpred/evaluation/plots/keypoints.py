@@ -45,7 +45,7 @@ def keypoints_figure(database: Database, category: str, count: int = 12, columns
 def influence_figure(
     database: Database, network: KPRed, keypoints: tuple[int, ...], count: int = 3, seed: int = 0
 ) -> Figure:
-    """What moving a keypoint moves: above the cage's vertices (I), below the shape's points (B = W I^T).
+    """Draw what one keypoint moves: above the cage's vertices (I), below the shape's points (B = W I^T).
 
     Red moves along with the keypoint, blue against it, grey stays.
 
@@ -76,7 +76,7 @@ def influence_figure(
 
 
 def chosen_entries(database: Database, category: str, count: int, seed: int) -> list[Entry]:
-    """Some models of a category, drawn by seed.
+    """Draw some models of a category by seed.
 
     Raises:
         ConfigError: the count is below 1.

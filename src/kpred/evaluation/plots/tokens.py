@@ -21,7 +21,7 @@ _THUMBNAIL = 160
 
 
 def token_distances(tokens: Float[np.ndarray, "models keypoints token"]) -> Float[np.ndarray, "models models"]:
-    """What retrieval goes by: the L1 distance summed over keypoints, all of equal weight."""
+    """Compute the distance of retrieval: L1, summed over keypoints of equal weight."""
     flat = torch.from_numpy(np.ascontiguousarray(tokens.reshape(len(tokens), -1), dtype=np.float32))
     return torch.cdist(flat, flat, p=1.0).numpy()
 
@@ -34,7 +34,7 @@ def tokens_figure(
     perplexity: float = 20.0,
     seed: int = 0,
 ) -> Figure:
-    """The models of one category of a database.
+    """Draw the map of one category's models.
 
     Args:
         pictures: number shown as pictures, spread over the map; max_models: maximum number of models, drawn by seed.

@@ -14,7 +14,7 @@ _SMALLEST_GAIN = 0.01
 def tsne(
     distances: Float[np.ndarray, "points points"], perplexity: float = 30.0, steps: int = 750, seed: int = 0
 ) -> Float[np.ndarray, "points 2"]:
-    """A map of N points of which only the distances are known.
+    """Map N points, of which only the distances are known, to the plane.
 
     Args:
         distances: symmetric, any metric, zero on the diagonal.

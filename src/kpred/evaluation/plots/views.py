@@ -20,12 +20,12 @@ Picture = np.ndarray
 
 
 def view(size: int, reach: float = REACH) -> Camera:
-    """The camera, from the front, the right and above; a ball of radius `reach` fills its picture of `size` pixels."""
+    """Make the camera, from the front, right and above; a ball of radius `reach` fills its `size` pixels."""
     return square_camera(np.zeros(3), _FOCAL * reach, _FOCAL, size)
 
 
 def blank(size: int) -> Picture:
-    """A white picture."""
+    """Make a white picture."""
     return np.full((size, size, 3), 255, dtype=np.uint8)
 
 
@@ -36,7 +36,7 @@ def mesh_picture(
     opacity: float = 1.0,
     reach: float = REACH,
 ) -> Picture:
-    """A shaded mesh with outlines; unit box."""
+    """Draw a shaded mesh with outlines; unit box."""
     return draw_overlay(blank(size), np.asarray(vertices), np.asarray(faces), view(size, reach), opacity)
 
 
@@ -47,7 +47,7 @@ def with_points(
     radius: float = 1.0,
     reach: float = REACH,
 ) -> Picture:
-    """The picture with round dots on it, far ones first.
+    """Draw round dots on a picture, far ones first.
 
     Args:
         points: unit box; colors: (N, 3) or (3,) in [0, 1]; radius: pixels.
@@ -67,7 +67,7 @@ def with_points(
 
 
 def with_keypoints(picture: Picture, keypoints: Float[np.ndarray, "keypoints 3"], radius: float) -> Picture:
-    """The picture with one ringed dot a keypoint, each of its own colour, also where the shape hides it."""
+    """Draw one ringed dot for each keypoint, in a colour of its own, hidden ones too."""
     ringed = with_points(picture, keypoints, np.zeros(3), radius + 1.5)
     return with_points(ringed, keypoints, keypoint_colors(len(keypoints)), radius)
 
@@ -87,7 +87,7 @@ def with_lines(
     color: np.ndarray,
     reach: float = REACH,
 ) -> Picture:
-    """The picture with straight lines between points of these numbers; unit box, colour in [0, 1]."""
+    """Draw straight lines between points of these numbers; unit box, colour in [0, 1]."""
     from PIL import Image, ImageDraw
 
     canvas = Image.fromarray(picture)

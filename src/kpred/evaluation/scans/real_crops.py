@@ -88,7 +88,7 @@ class CropOutcome(FitOutcome):
 
 
 def read_crops(folder: str | os.PathLike[str], up: str | None = None) -> list[Crop]:
-    """The crops of a folder: `<category>_<nn>.ply`, or what its `index.json` lists.
+    """List the crops of a folder: `<category>_<nn>.ply`, or what its `index.json` lists.
 
     The index is a list of objects with `file`, `category` and `up`; without it names tell the category, and up is y.
 

@@ -45,7 +45,7 @@ def summarise(outcomes: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
 
 
 def confusion(outcomes: Sequence[ScanOutcome]) -> dict[str, dict[str, int]]:
-    """True category -> category found -> how many; `failed` where there is no result."""
+    """Count results by true category and category found; `failed` where there is none."""
     found: dict[str, Counter[str]] = {}
     for outcome in outcomes:
         found.setdefault(outcome.category, Counter())[outcome.found or FAILED] += 1

@@ -160,7 +160,7 @@ def summarise_scenes(outcomes: Sequence[SceneOutcome], dataset: str, seed: int) 
 
 
 def annotated_mesh(model: AlignedModel, root: Path) -> trimesh.Trimesh:
-    """The annotated CAD model where it stands in the scan.
+    """Read the annotated CAD model, placed in the scan.
 
     Raises:
         MeshError: its file is missing or broken.

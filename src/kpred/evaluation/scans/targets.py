@@ -125,7 +125,7 @@ def degraded(
     high: Float[Tensor, "3"],
     generator: torch.Generator,
 ) -> Float[Tensor, "points 3"]:
-    """The same points with random amounts of noise and outliers, unit box; `low`, `high`: the object's box."""
+    """Add random amounts of noise and outliers to points, unit box; `low`, `high`: the object's box."""
     noise, outliers = (torch.rand(2, generator=generator) * torch.tensor([NOISE, OUTLIERS])).tolist()
     ray = torch.nn.functional.normalize(seen - camera, dim=1)
     points = seen + ray * noise * torch.randn(len(seen), 1, generator=generator)

@@ -117,7 +117,7 @@ def _read(packs: Sequence[str | Path], split: str) -> list[SourcePack]:
 
 
 def effects(table: Table) -> list[Effect]:
-    """What each part does, for all pairs of rows that differ in it alone and were both measured."""
+    """Compare all pairs of measured rows that differ in one part alone."""
     found = []
     for (part, without, having), dataset in itertools.product(EFFECTS, table.datasets()):
         category = table.categories(dataset)[-1]
@@ -144,7 +144,7 @@ def _measured(
     progress: Progress | None,
     report: Callable[[str], None],
 ) -> Table:
-    """A row's values on one pack, from its folder where they were measured before."""
+    """Measure a row on one pack, or read its values from its folder."""
     network = model[source.pack.category]
     header = header_of({row.name: model}, [source], config, {})
     made_of = json.dumps([header["protocol"], header["data"], weights_hash(network), header["versions"]["kpred"]])

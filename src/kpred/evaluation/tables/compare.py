@@ -143,7 +143,7 @@ def compare_series(
     second: Mapping[Subject, float],
     seed: int,
 ) -> Comparison | None:
-    """The values of `second` against those of `first`, over the targets of one category (or `all`) that both have.
+    """Compare two series over the targets of one category (or `all`) that both have.
 
     None where they have none in common.
     """
@@ -173,7 +173,7 @@ def compare_series(
 
 
 def _difference(one: Any, other: Any) -> str:
-    """What differs, in a few words."""
+    """Describe what differs in a few words."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         keys = [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
         return ", ".join(f"{key}: {_brief(one.get(key))} and {_brief(other.get(key))}" for key in keys[:3])

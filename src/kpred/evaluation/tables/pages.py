@@ -130,7 +130,7 @@ def _full(table: Table, dataset: str) -> Iterator[Page]:
 
 
 def _hint(table: Table, dataset: str) -> Iterator[Page]:
-    """The error of whole shapes without the hint that nothing is hidden, against that with it."""
+    """Lay out the error of whole shapes without the hint that nothing is hidden, against that with it."""
     categories, series = table.categories(dataset), errors_of(table, dataset)
     pairs = [
         (one, other)

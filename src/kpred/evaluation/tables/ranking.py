@@ -55,7 +55,7 @@ class Ranking:
     undeformed: Float[np.ndarray, " models"]
 
     def sort_key(self, order: str) -> Float[np.ndarray, " models"]:
-        """What an order of `ORDERS` goes by, lowest first."""
+        """Return the key of an order of `ORDERS`, lowest first."""
         again = np.arange(len(self.refined), dtype=np.float64)
         again[:PREFETCH] = -1 / (1 + self.feed_forward[:PREFETCH])
         return {

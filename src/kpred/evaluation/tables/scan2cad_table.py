@@ -162,7 +162,7 @@ class _Benches:
 
 
 def _annotations(root: Path, report: Callable[[str], None]) -> Iterator[SceneAnnotation]:
-    """The scenes of a folder that are there; a partly downloaded data set has annotations without scans."""
+    """Yield the scenes of a folder whose scans are there; others are counted."""
     missing = 0
     for annotation in read_annotations(root / ANNOTATIONS):
         try:

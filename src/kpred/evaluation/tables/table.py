@@ -173,7 +173,7 @@ class Table:
 
 
 def read_table(path: str | Path) -> Table:
-    """A table that `write_table` wrote.
+    """Read a table that `write_table` wrote.
 
     Raises:
         PackError: the file is missing, damaged or no table.

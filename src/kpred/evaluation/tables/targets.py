@@ -67,7 +67,7 @@ def read_targets(
     report: Callable[[str], None],
     only: Collection[str] | None = None,
 ) -> list[Target]:
-    """The targets of one split; with `limit` a random subset by seed, and a smaller limit gives a part of a larger's.
+    """Read the targets of one split; with `limit` a random subset by seed, nested in a larger limit's.
 
     With `only`, those of these ids alone.
 
