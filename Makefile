@@ -36,11 +36,12 @@ docs: $(STAMP)
 	@test -x $(BIN)/mkdocs || $(PIP) install -c constraints.txt -e '.[docs]'
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Source archive, and the wheel made of it, into dist/.
+# Source archive, the wheel made of it, and the wheel of the paper's weights, into dist/.
 dist: $(STAMP)
 	@$(BIN)/python -c 'import build' 2>/dev/null || $(PIP) install -c constraints.txt build
 	@rm -rf dist
 	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --outdir dist >build.log 2>&1 || { cat build.log >&2; exit 1; }
+	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --wheel --outdir dist paper >build.log 2>&1 || { cat build.log >&2; exit 1; }
 	@rm -f build.log
 
 # The wheel as a user has it: an environment of its own, an empty folder, an empty home.
@@ -54,7 +55,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@echo "installing $(TORCH) (a large download the first time)"
 	@$(PIP) install -c constraints.txt '$(TORCH)'
 	@echo "installing kpred and its pinned dependencies"
-	@$(PIP) install -c constraints.txt -e '.[dev]'
+	@$(PIP) install -c constraints.txt -e '.[dev]' $(addprefix -e ./,$(wildcard paper))
 	@touch $(STAMP)
 
 clean:

@@ -18,8 +18,11 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-BUNDLED = "src/kpred/bundled"
+CARDS = {"src/kpred/bundled/model": "kp-red-plus", "paper/src/kpred_paper": "kp-red"}
+"""Folders of models, and the folders of their cards in the site."""
+
 ROOT_PAGES = {
+    "paper/README.md": "kp_red.md",
     "README.md": "index.md",
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -96,9 +99,12 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
 
 
 def _outside() -> dict[str, str]:
-    cards = sorted((REPOSITORY / BUNDLED).rglob("README.md"))
-    names = [str(card.relative_to(REPOSITORY)) for card in cards]
-    return ROOT_PAGES | {name: f"cards/{name.removeprefix(BUNDLED + '/').replace('/README', '')}" for name in names}
+    cards = {}
+    for root, folder in CARDS.items():
+        for card in sorted((REPOSITORY / root).rglob("README.md")):
+            page = str(card.relative_to(REPOSITORY / root)).replace("/README", "")
+            cards[str(card.relative_to(REPOSITORY))] = f"cards/{folder}/{page}"
+    return ROOT_PAGES | cards
 
 
 def _text(source: str) -> str:

@@ -1,4 +1,4 @@
-"""Make src/kpred/bundled/ from trained runs: weights, model cards, starter database, sample scan.
+"""Make src/kpred/bundled/ and the weights of paper/ from trained runs: weights, cards, starter database, sample scan.
 
     python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation full.json ...]
 
@@ -26,7 +26,9 @@ from kpred.shapes import MeshPack
 from kpred.synthetic.generator import generate
 
 CATEGORIES = ("chair", "table", "cabinet")
-BUNDLED = Path(__file__).resolve().parents[1] / "src" / "kpred" / "bundled"
+REPOSITORY = Path(__file__).resolve().parents[1]
+BUNDLED = REPOSITORY / "src" / "kpred" / "bundled"
+PAPER = REPOSITORY / "paper" / "src" / "kpred_paper"
 GENERATED, REDISTRIBUTED = 60, 60
 """Models a category in the starter database: from the generator, and from infinigen."""
 FIRST_RECORD = "training_first.json"
@@ -57,10 +59,10 @@ def main() -> None:
 def copy_weights(runs: Path) -> None:
     """Half-precision weights and the records of their training, of the runs that are there."""
     for category in CATEGORIES:
-        for run, target in ((runs / category, "model"), (runs / "kp-red" / category, "kp-red")):
+        for run, target in ((runs / category, BUNDLED / "model"), (runs / "kp-red" / category, PAPER)):
             if (run / "model").is_dir():
-                save_network(load_network(run / "model"), BUNDLED / target / category)
-                shutil.copy(run / "model" / "training.json", BUNDLED / target / category / "training.json")
+                save_network(load_network(run / "model"), target / category)
+                shutil.copy(run / "model" / "training.json", target / category / "training.json")
     if (runs / "recognizer" / "model").is_dir():
         run, target = runs / "recognizer" / "model", BUNDLED / "model" / "recognizer"
         save_recognizer(load_recognizer(run), target)
@@ -109,9 +111,9 @@ def make_scan(infinigen: Path) -> None:
 def write_cards(evaluations: Sequence[Path]) -> None:
     """Model cards: data, steps, seed, measured numbers."""
     rows = [row for evaluation in evaluations for row in json.loads(evaluation.read_text())["rows"]]
-    for name, preset in (("model", "kp-red-plus"), ("kp-red", "kp-red")):
+    for models, preset in ((BUNDLED / "model", "kp-red-plus"), (PAPER, "kp-red")):
         for category in CATEGORIES:
-            folder = BUNDLED / name / category
+            folder = models / category
             card = [*_category_card(category, preset, folder), *_measured(category, preset, rows)]
             (folder / "README.md").write_text("\n".join(card))
     folder = BUNDLED / "model" / "recognizer"

@@ -23,6 +23,7 @@ PAGES = sorted(
         REPOSITORY / "NOTICE",
         *(REPOSITORY / "docs").rglob("*.md"),
         *(REPOSITORY / "src" / "kpred" / "bundled").rglob("*.md"),
+        *(REPOSITORY / "paper").rglob("*.md"),
     ]
 )
 CHANGELOG = REPOSITORY / "CHANGELOG.md"

@@ -11,6 +11,7 @@ from safetensors.torch import save_file
 from kpred.errors import ModelError, OutputError
 from kpred.nn import KPRed, Model, load_model, load_network, save_network
 from kpred.nn.config import preset
+from kpred.nn.loading import BUNDLED
 from kpred.nn.weights import CONFIG_FILE, WEIGHTS_FILE
 
 
@@ -241,7 +242,14 @@ def test_a_folder_that_cannot_be_made(small, tmp_path: Path) -> None:
         save_network(small(), tmp_path / "file" / "weights")
 
 
-def test_the_models_of_the_package_are_known_by_name() -> None:
+def test_a_model_whose_package_is_missing_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(BUNDLED, "kp-red", "no_such_package")
+    with pytest.raises(ModelError, match="pip install ./paper"):
+        load_model("kp-red")
+
+
+def test_models_are_known_by_name() -> None:
+    pytest.importorskip("kpred_paper", reason="the paper's weights are a package of their own: pip install ./paper")
     own, paper = load_model("kp-red-plus"), load_model("kp-red")
     assert sorted(own) == sorted(paper) == ["cabinet", "chair", "table"]
     assert own["chair"].fingerprint() == load_model()["chair"].fingerprint()

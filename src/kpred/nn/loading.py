@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 
 import torch
@@ -84,13 +85,21 @@ class Model(Mapping[str, KPRed]):
         return self
 
 
-BUNDLED = {"bundled": "model", "kp-red-plus": "model", "kp-red": "kp-red"}
-"""Names of the models that come with the package, and their folders: this project's, and the paper's."""
+BUNDLED = {"bundled": "kpred", "kp-red-plus": "kpred", "kp-red": "kpred_paper"}
+"""Names of models, and the installed packages that hold them: this project's own, and the paper's."""
 
 
 def bundled_model_path(name: str = "bundled") -> Path:
-    """Return the folder of bundled weights, by a name in `BUNDLED`."""
-    return Path(str(resources.files("kpred"))) / "bundled" / BUNDLED[name]
+    """Return the folder of a model with a name in `BUNDLED`.
+
+    Raises:
+        ModelError: the package that holds it is not installed.
+    """
+    package = BUNDLED[name]
+    if find_spec(package) is None:
+        raise ModelError(f"The model {name} comes with another package; `pip install ./paper` in a checkout of kpred.")
+    folder = Path(str(resources.files(package)))
+    return folder / "bundled" / "model" if package == "kpred" else folder
 
 
 def is_folder_name(name: str) -> bool:
