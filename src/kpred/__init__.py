@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from kpred.nn import load_model
     from kpred.shapes import read_mesh, read_scan, write_mesh
 
-# torch's OpenMP threads wait busily for milliseconds after each loop and keep compiled kernels of this package off the
+# torch's OpenMP threads spin for milliseconds after each loop and keep compiled kernels of this package off the
 # processor. Read when torch is loaded; who has said how threads wait is not overruled.
 if "OMP_WAIT_POLICY" not in os.environ:
     os.environ.setdefault("GOMP_SPINCOUNT", "30000")

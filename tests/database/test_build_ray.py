@@ -96,7 +96,7 @@ def test_shares_of_gpus_that_cannot_be_given_are_refused(model):
     from kpred.batch.ray_cluster import RayCluster, _holders, check_gpus
 
     for share in (-1.0, 1.5, float("nan")):
-        with pytest.raises(ConfigError, match="share of one GPU"):
+        with pytest.raises(ConfigError, match="fraction of one GPU"):
             check_gpus(share)
     assert [_holders(2.0, share) for share in (0.25, 0.4, 0.1, 1.0, 2.0, 3.0)] == [8, 4, 20, 2, 1, 0]
     with pytest.raises(ConfigError, match="No Ray cluster"):

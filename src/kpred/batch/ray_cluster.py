@@ -16,7 +16,7 @@ class RayCluster:
         Args:
             address: `auto`, `local` (a cluster of its own on this machine) or the head's address.
             size: number of workers, of one CPU each; None for as many as the cluster has room for.
-            gpus: share of a GPU that each worker takes, or a number of GPUs.
+            gpus: fraction of a GPU that each worker takes, or a number of GPUs.
 
         Raises:
             ConfigError: Ray is not installed, no cluster is at that address, or it has too few GPUs.
@@ -45,7 +45,7 @@ class RayCluster:
                 self.close()
                 raise ConfigError(
                     f"The Ray cluster has {found.get('GPU', 0.0):g} GPUs, too few for {size or 1} workers of {gpus:g} "
-                    "each; give fewer workers, a smaller share, or no GPUs."
+                    "each; give fewer workers, a smaller fraction, or no GPUs."
                 )
             room = min(room, room_by_gpus)
         self.size = size or room
@@ -69,7 +69,7 @@ def check_gpus(gpus: float) -> None:
         ConfigError: it is negative, or above 1 and no whole number.
     """
     if not gpus >= 0 or (gpus > 1 and gpus != int(gpus)):
-        raise ConfigError(f"A worker takes a share of one GPU or a whole number of GPUs, not {gpus:g}.")
+        raise ConfigError(f"A worker takes a fraction of one GPU or a whole number of GPUs, not {gpus:g}.")
 
 
 def _holders(total: float, each: float) -> int:

@@ -46,7 +46,7 @@ class RayEncoder:
 
         These raise DatabaseError where no worker starts again.
         """
-        # Batches go round, as they are asked for in this order too.
+        # Workers take batches in rotation, as results are taken in this order too.
         first = self._submit(category, batch)
         return lambda: self._entries(category, batch, first)
 

@@ -65,7 +65,7 @@ def fit_many(
         settings: how the scans are fitted.
         workers: processes, one thread each; by default one a core, on Ray one a CPU of the cluster.
         ray: address of a Ray cluster, `auto` or `local`; None works with processes of this machine.
-        gpus: share of a GPU that each worker on Ray takes; its networks then run there.
+        gpus: fraction of a GPU that each worker on Ray takes; its networks then run there.
         progress: called after each scan.
 
     Raises:
@@ -75,7 +75,7 @@ def fit_many(
     if attempts < 1 or (workers is not None and workers < 1):
         raise ConfigError(f"A batch needs at least 1 worker and 1 attempt, not {workers} and {attempts}.")
     if gpus and ray is None:
-        raise ConfigError("Shares of a GPU are given out by Ray; name a cluster (--ray local), or take no GPU.")
+        raise ConfigError("Fractions of a GPU are given out by Ray; name a cluster (--ray local), or take no GPU.")
     chosen = _absolute(settings or BatchSettings())
     if chosen.time_limit is not None and not 0 < chosen.time_limit < 1e7:
         raise ConfigError(f"The time limit of a scan is {chosen.time_limit}; it must be a number of seconds above 0.")

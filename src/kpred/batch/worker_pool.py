@@ -60,7 +60,7 @@ class ProcessWorkerPool:
         self._groups[future] = group
 
     def finished(self) -> list[tuple[Group, list[Outcome] | None]]:
-        """See `WorkerPool`; when one process dies, all groups at hand come back with None."""
+        """See `WorkerPool`; when one process dies, all running groups come back with None."""
         done, _ = wait(self._groups, return_when=FIRST_COMPLETED)
         found: list[tuple[Group, list[Outcome] | None]] = []
         for future in done:

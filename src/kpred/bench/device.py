@@ -34,7 +34,7 @@ class Rate:
     Attributes:
         name: what was done; rate: how many a second, by the median time; seconds: that time, of one run.
         each: what one is, and how many a run makes; cost: of a run.
-        arithmetic, memory: shares of the time that the device would need at its peak for the one and for the other.
+        arithmetic, memory: fractions of the time that the device would need at its peak for the one and for the other.
     """
 
     name: str

@@ -20,7 +20,7 @@ class Figure:
     Attributes:
         name: what was measured; value: in `unit`, the median of `n` runs.
         limit: the value is to be at most this (at least, where `higher_is_better`); None where none is set.
-        best: the best of the runs, which tells more than the median on a machine that does other things too.
+        best: the best of the runs, which varies less than the median on a busy machine.
         baseline: what the value is compared with; baseline_value: in the same unit.
         load: of the machine while it was measured (mean number of running processes of the last minute).
     """

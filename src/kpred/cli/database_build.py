@@ -44,7 +44,7 @@ class _Encoding(Command):
     ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Encode on a Ray cluster: auto, local or its address; only this machine needs to see meshes and database"""
     gpus_per_worker: Annotated[float, arg(metavar="FRACTION")] = 0.0
-    """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
+    """Fraction of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
 
     update: Annotated[bool, arg(help_behavior_hint="")] = False
     """Replace models that the database holds with another mesh or other details; else they are kept and named"""

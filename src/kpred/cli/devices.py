@@ -6,7 +6,7 @@ from kpred.errors import ConfigError
 
 
 def limit_threads(number: int) -> None:
-    """Limit the threads of torch and of compiled kernels: those beyond the free cores wait for each other, busily.
+    """Limit the threads of torch and of compiled kernels: those beyond the free cores spin while they wait.
 
     Raises:
         ConfigError: if it is below 1.

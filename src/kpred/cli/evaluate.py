@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ShapesCommand(MeasuredCommand):
-    """Measure models on the whole shapes of mesh packs: best of the top k, mean over the shapes of a split.
+    """Measure models on whole shapes of mesh packs: best of the top k, mean over a split.
 
     The same run measures the true nearest undeformed shapes and a baseline without learning, and how clean the deformed
     meshes are. Without --database, the split `source` of each pack is what is retrieved and deformed. What is written

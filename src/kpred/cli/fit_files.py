@@ -24,7 +24,7 @@ def check_output(
     """Refuse an output file before any work is done for it.
 
     Args:
-        overwrite: files beside the mesh may be replaced whoever made them.
+        overwrite: files beside the mesh may be replaced even if kpred did not make them.
         picture: whether one will be written; more: further files that will be.
 
     Raises:

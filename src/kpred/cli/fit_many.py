@@ -60,7 +60,7 @@ class FitManyCommand(Command):
     ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
     """Work on a Ray cluster: auto, local or its address; all machines must see scans and OUT under the same paths"""
     gpus_per_worker: Annotated[float, arg(metavar="FRACTION")] = 0.0
-    """Share of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
+    """Fraction of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
     attempts: Annotated[int, arg(metavar="N")] = 3
     """How often a scan is tried whose failure may have been an accident (a dead worker, a full disk)"""
     time_limit: Annotated[float, arg(metavar="SECONDS")] = 600.0
@@ -90,7 +90,7 @@ class FitManyCommand(Command):
         try:
             with ProgressBar() as bar:
 
-                def tell(report: BatchReport) -> None:
+                def show(report: BatchReport) -> None:
                     note = f"{len(report.failed)} failed" if report.failed else ""
                     bar.update("fitting scans", report.handled, total, note)
 
@@ -102,7 +102,7 @@ class FitManyCommand(Command):
                     ray=self.ray,
                     attempts=self.attempts,
                     gpus=self.gpus_per_worker,
-                    progress=tell,
+                    progress=show,
                 )
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(

@@ -35,7 +35,7 @@ COMMANDS = {
     "bench": "Measure speed and memory on this machine, beside the plain way of doing the same.",
     "info": "Show versions, bundled models and the bundled database.",
 }
-"""Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is asked for."""
+"""Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is called."""
 
 MODULES = {"fit-depth": "depth", "fit-many": "fit_many"}
 """Modules of commands whose name is no module's."""

@@ -104,11 +104,11 @@ class ModelOptions(Command):
     """Keep the databases that are built in this folder, for the next table"""
 
     def named_models(self) -> dict[str, str | None]:
-        """Models by their name in the table."""
+        """Return models by their name in the table."""
         return dict(named(self.model, "model")) or {BUNDLED: None}
 
     def named_databases(self) -> dict[str, str]:
-        """Databases by the name of the model that searches them."""
+        """Return databases by the name of the model that searches them."""
         models = self.named_models()
         alone = len(self.database) == len(models) == 1 and "=" not in self.database[0]
         words = [f"{next(iter(models))}={word}" if alone else word for word in self.database]
@@ -120,7 +120,7 @@ class ModelOptions(Command):
 
 
 def named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
-    """Words NAME=PATH of an option that can be given several times; a model's name may be left out."""
+    """Parse words NAME=PATH of an option that can be given several times; the name may be missing."""
     pairs = []
     for word in words:
         name, equals, value = word.partition("=")
@@ -148,7 +148,7 @@ class MeasuredCommand(PackTableCommand, ModelOptions):
     """Weights of a peer (`kpred train peer`) and its name in the table; its row counts as feed-forward"""
 
     def named_peers(self) -> list[tuple[str, str]]:
-        """Folders of peers by their name in the table."""
+        """Return folders of peers by their name in the table."""
         return named(self.peer, "peer")
 
     @abstractmethod

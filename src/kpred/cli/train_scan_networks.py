@@ -87,13 +87,13 @@ class _ScanNetworkCommand(Command):
         seconds, facts = time.perf_counter() - began, self.facts(network)
         weights = folder / "model"
         output.result({"model": weights, **facts, "seconds": seconds, "last_losses": last})
-        told = "".join(f"{', '.join(value)}; " for value in facts.values())
-        output.note(f"weights: {weights} ({told}{seconds:.0f} s)")
+        summary = "".join(f"{', '.join(value)}; " for value in facts.values())
+        output.note(f"weights: {weights} ({summary}{seconds:.0f} s)")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecognitionCommand(_ScanNetworkCommand):
-    """Train the recognizer, which tells category and yaw of a scan, on packs of all categories of a model.
+    """Train the recognizer, which predicts category and yaw of a scan, on packs of all categories of a model.
 
     Its weights go to FOLDER/model; as the folder `recognizer` beside the categories' folders of a model they are used.
     A pack of the category `other` (`kpred data generate other`) shows what is none of them.

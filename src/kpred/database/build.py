@@ -193,7 +193,7 @@ class _Build:
         self.waiting.setdefault(shape.category, []).append((prepared, metadata))
 
     def _is_kept(self, shape: Shape, metadata: Mapping[str, str]) -> bool:
-        """Whether a model that is in the database already stays as it is there; counts it."""
+        """Test whether a model of the database stays as it is, and count it."""
         known = self.database.metadata(shape.model_id)
         content = known.get(CONTENT) or mesh_hash(self.database.entry(shape.model_id).mesh)
         is_same = content == metadata[CONTENT]

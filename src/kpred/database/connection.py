@@ -52,7 +52,7 @@ def create_file(path: Path, created_by: str) -> None:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove folders of unfinished databases that nobody has touched for a day: a killed process left them."""
+    """Remove folders of unfinished databases that are unchanged for a day: a killed process left them."""
     for item in folder.glob(".kpred-*"):
         try:
             if item.is_dir() and not item.is_symlink() and time.time() - item.stat().st_mtime > _ABANDONED:
@@ -125,7 +125,7 @@ def _engine(path: Path, mode: str, timeout: float) -> Engine:
         connection.execute("PRAGMA foreign_keys = ON")
         return connection
 
-    # One connection only: `PRAGMA data_version` then tells exactly whether another process has written.
+    # One connection only: `PRAGMA data_version` then changes exactly when another process has written.
     engine = create_engine("sqlite://", creator=connect, poolclass=StaticPool)
 
     @event.listens_for(engine, "begin")

@@ -62,7 +62,7 @@ class Database:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
-        """Open an existing database; for reading only when asked, or when the file may not be written.
+        """Open an existing database; read-only if requested, or if the file may not be written.
 
         `timeout`: seconds to wait while another process writes, before giving up.
         Raises DatabaseError: missing, empty, foreign, damaged, older or newer than this program, locked.
@@ -148,7 +148,7 @@ class Database:
     def remove(self, model_ids: Iterable[str]) -> int:
         """Take models out of the file in one transaction and return their number.
 
-        A category whose last model goes is forgotten, so that it can be filled by other weights.
+        A category without models is deleted too, so that other weights may fill it.
         Raises DatabaseError, and then removes none of them: an id is not in the database.
         """
         wanted = list(dict.fromkeys(model_ids))
@@ -212,7 +212,7 @@ class Database:
         """
         wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
         if not wanted:
-            raise DatabaseError(f"Database {self.path}: no candidates were asked for; name at least one model.")
+            raise DatabaseError(f"Database {self.path}: no candidates were named; name at least one model.")
         found = self._cached(self._cache.arrays, wanted, read_fitting_arrays)
         return stack_candidates(category, wanted, found, str(self.path))
 
@@ -303,5 +303,5 @@ class Database:
         unknown = sorted(set(model_ids).difference(found))
         if unknown:
             raise DatabaseError(
-                f"Database {self.path} has no model {unknown[0]!r}; 'kpred database info' tells what it holds."
+                f"Database {self.path} has no model {unknown[0]!r}; 'kpred database info' lists its content."
             )

@@ -22,11 +22,11 @@ Batch = list[tuple[PreparedMesh, dict[str, str]]]
 
 @runtime_checkable
 class Encoder(Protocol):
-    """Encodes batches, in any order; the caller asks for them in the order they were handed in."""
+    """Encodes batches, in any order; the caller takes the results in the order of `start`."""
 
     @property
     def max_pending(self) -> int:
-        """How many batches may wait to be asked for: fewer leave workers idle, more only fill the memory."""
+        """Maximum number of unfinished batches: fewer leave workers idle, more only fill the memory."""
         ...
 
     def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
@@ -39,7 +39,7 @@ class Encoder(Protocol):
 
 
 class SerialEncoder:
-    """Encodes a batch when it is asked for."""
+    """Encodes a batch when its result is taken."""
 
     max_pending = 0
 

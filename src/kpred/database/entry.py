@@ -2,7 +2,7 @@
 
 An entry holds all that retrieval and deformation need of a CAD model, so that nothing about it is computed again when
 a scan is fitted. Arrays are stored little-endian. Some are stored with less precision than they are computed, far
-below what a fit can tell (its mean distance is some hundredths of the unit box):
+below the error of a fit (its mean distance is some hundredths of the unit box):
 
 - tokens: float16;
 - points: whole multiples of 2^-14 of the unit box (half a step is 0.03 mm for furniture of 2 m);

@@ -154,7 +154,7 @@ class PostgresBackend:
         return connection.scalar(text("SELECT value FROM info WHERE key = 'content'"))
 
     def peek_version(self) -> object | None:
-        """See `Backend`; a server must be asked."""
+        """See `Backend`; a server needs a query."""
         return None
 
     def bytes(self, connection: Connection) -> int:
@@ -271,9 +271,9 @@ def _explained(name: str) -> Iterator[None]:
 
 _SENTENCES = {
     "28P01": "the password is wrong; give the right one in the address or in ~/.pgpass.",
-    "28000": "this user may not connect; ask whoever runs the server.",
+    "28000": "this user may not connect; ask the server's administrator.",
     "3D000": "there is no database of that name; make it with createdb.",
-    "42501": "this user may not do that; ask whoever runs the server for the right.",
+    "42501": "this user may not do that; ask the server's administrator for the right.",
     "53100": "the server's disk is full; free some space and run the same again, what was committed is kept.",
     "53300": "the server takes no more connections; try again later, or use fewer workers.",
     "25006": "the server is for reading only; give the address of the one that is written.",

@@ -14,7 +14,7 @@ from kpred.errors import DatabaseError
 HEAD = "0003"
 _KNOWN = ("0001", "0002", "0003")
 _LOCK = 0x4B505244
-"""Advisory lock of those who change tables."""
+"""Key of the advisory lock for changes of tables."""
 
 
 def revision(connection: Connection) -> str | None:

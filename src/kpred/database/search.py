@@ -18,7 +18,7 @@ import torch
 from kpred.errors import DatabaseError
 
 _ROUNDING = 1e-4
-"""Float32 sums of 12 x 128 differences are off by much less than this share."""
+"""Float32 sums of 12 x 128 differences are off by much less than this fraction."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ class SqliteBackend:
         """See `Backend`."""
         try:
             return self._driver.execute("PRAGMA data_version").fetchone()[0]
-        except sqlite3.Error:  # a transaction will tell what is wrong
+        except sqlite3.Error:  # the next transaction raises the error
             return None
 
     def bytes(self, connection: Connection) -> int:
@@ -101,7 +101,7 @@ class SqliteBackend:
         key = TableKey(counted.category, counted.fingerprint, epoch, counted.last_row)
         shape = (counted.models, counted.keypoints, counted.token_size)
 
-        def tell(done: int) -> None:
+        def report(done: int) -> None:
             if progress is not None:
                 progress(done, 2 * counted.models)
 
@@ -109,10 +109,10 @@ class SqliteBackend:
             return stream_tokens(connection, counted)
 
         try:
-            return make_table(file, key, shape, rows(), tell)
+            return make_table(file, key, shape, rows(), report)
         except OutputError as error:
             warnings.warn(f"{error} Until then the tokens of {self.path} are kept in memory.", stacklevel=2)
-            return make_table(None, key, shape, rows(), tell)
+            return make_table(None, key, shape, rows(), report)
 
 
 def _belongs(table: TokenTable, counted: CategoryTokens, epoch: str) -> bool:

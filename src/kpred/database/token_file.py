@@ -114,7 +114,7 @@ def make_table(
     with atomic_path(path) as temporary, open(temporary, "w+b") as file:
         sections = _sections(shape)
         size = max(section.end for section in sections.values())
-        os.posix_fallocate(file.fileno(), 0, size)  # a full disk is told now, not by a signal when memory is written
+        os.posix_fallocate(file.fileno(), 0, size)  # a full disk fails here, not by a signal when memory is written
         with _mapped(file.fileno(), size) as data:
             table = _fill(data, sections, shape, rows, progress)
             for name, array in _ids(table).items():

@@ -3,7 +3,7 @@
     ROOT/<class>/train/<class>_0001.off    z up; the aligned releases face one way within a class
     ROOT/<class>/test/<class>_0890.off
 
-There is no split to retrieve from: a fixed share of `train`, drawn by the model's name, is `source`. `test` stays test.
+There is no split to retrieve from: a fixed fraction of `train`, drawn by the model's name, is `source`. `test` stays.
 Which way a class faces is not part of the layout; the files are turned to y up and not about it.
 """
 

@@ -51,11 +51,11 @@ FEATURES = (
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a fit tells about how far it can be trusted.
+    """Evidence of a fit for its confidence.
 
     Attributes:
         error: root mean square distance from the scan to the result, unit box.
-        unexplained: share of the scan's points that are farther than `UNEXPLAINED_DISTANCE` from the result.
+        unexplained: fraction of the scan's points that are farther than `UNEXPLAINED_DISTANCE` from the result.
         seen: mean confidence of the keypoints, D_i in [0, 1].
         category: probability of the category among those tried.
         turn: probability of the turn among those tried, turns that leave the result as it is being one.
@@ -162,7 +162,7 @@ def _turn_probability(chosen: Hypothesis, result: torch.Tensor, tried: Sequence[
         upright = difference[1, 1] > math.cos(SAME_YAW)
         scores.append(one.score)
         same.append(angle < SAME_YAW or (upright and _unchanged(result, difference)))
-    return sum(share for share, is_same in zip(_softmax(scores), same, strict=True) if is_same)
+    return sum(fraction for fraction, is_same in zip(_softmax(scores), same, strict=True) if is_same)
 
 
 def _unchanged(result: torch.Tensor, turn: np.ndarray) -> bool:

@@ -41,7 +41,7 @@ class ObjectFit:
         fit: its fit; None where there is none.
         error: why there is none, one sentence that names the object.
         skipped: the object is of a category that the model or the database does not know, so that nothing was tried.
-        floor: height of the floor it was taken to stand on, along the scene's up axis; None where it was not told.
+        floor: height of the floor it was taken to stand on, along the scene's up axis; None where it is unknown.
     """
 
     object: SceneObject
@@ -190,7 +190,7 @@ def fit_scene(
     """Fit every object of a scene whose category the model and the database know.
 
     An object without a category is fitted with the category that explains it best. What goes wrong with one object is
-    told in its `ObjectFit.error` and never stops the others.
+    stored in its `ObjectFit.error` and never stops the others.
 
     Args:
         scene: the scene; objects: what stands in it (`kpred.scenes.objects.objects_of`).
@@ -209,7 +209,7 @@ def fit_scene(
         raise ScanError(f"{scene.name}: the scene has no objects; nothing can be fitted.")
     for name in ("category", "up"):
         if name in fit_options:
-            raise ConfigError(f"{name} is told by the scene's objects; leave the option out.")
+            raise ConfigError(f"{name} is given by the scene's objects; leave the option out.")
     networks, store = resolve_model(model), resolve_database(database)
     known = tuple(shared_categories(networks, store, None))
     if isinstance(floor, bool):

@@ -35,10 +35,10 @@ find yaw and category of the most, 86 and 95 %; a power of 1 finds four and two 
 """
 
 MIN_SIDE = 0.12
-"""Furniture is thicker than this share of its longest side; a thinner box is that of one plate that alone was seen."""
+"""Minimum side of furniture, as a fraction of the longest; a thinner box shows one plate only."""
 
 USUAL_SIDES = (0.7, 0.5, 0.35)
-"""Width, height and depth, as shares of the longest side, that such a plate's object is taken to have."""
+"""Width, height and depth, as fractions of the longest side, that such a plate's object is taken to have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Hypothesis:
         frame: takes the scan into the unit box.
         error: of the best quick fit, unit box squared.
         score: log of how likely the reading is, up to a constant: by the recognizer's odds and by the error.
-        log_odds: of the reading, by the recognizer; 0 where nothing judged it.
+        log_odds: of the reading, by the recognizer; 0 without one.
         box_error: mean error expected of the faces of the whole object's box, unit box; 0 where the frame is known, and
             for full scans.
     """

@@ -1,4 +1,4 @@
-"""What a caller asks of a fit, checked once."""
+"""Options of a fit, checked once."""
 
 from __future__ import annotations
 

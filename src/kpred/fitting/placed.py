@@ -127,7 +127,7 @@ def place_points(
 
 
 def in_own_size(explanation: Explanation, entry: Entry, frame: Frame) -> Explanation:
-    """Give an undeformed model its own size, if it is the scan's as far as the scan tells."""
+    """Give an undeformed model its own size, if it agrees with the scan's."""
     size = explanation.placement.size * frame.scale / entry.frame.scale
     if explanation.step != "none" or float(np.abs(size - 1.0).max()) >= OWN_SIZE:
         return explanation

@@ -13,7 +13,7 @@ class ContextBlock(nn.Module):
     """Point features pooled over the cloud and mixed back into every point; starts as the identity.
 
     One pooling sees points one by one; after a block, the next pooling compares points that already know the cloud,
-    which is what the unseen part of a shape must be told from.
+    from which the unseen part of a shape is predicted.
     """
 
     def __init__(self, width: int) -> None:

@@ -13,7 +13,7 @@ _ADDRESS = re.compile(r"hf://(?P<repository>[\w.-]+/[\w.-]+)@(?P<revision>[\w./-
 
 
 def is_hub_address(name: str) -> bool:
-    """Check whether a name asks for the Hub, well formed or not."""
+    """Check whether a name is an address of the Hub, well formed or not."""
     return name.startswith(SCHEME)
 
 

@@ -24,7 +24,7 @@ class KeypointPredictor(nn.Module):
 
     `regression` is the published head. `voting` gives each point a say in each keypoint: K_i = sum_p w_ip (p + o_ip)
     with softmax weights over the points. Being anchored to the points, it follows proportions never seen in training.
-    `blocks` more rounds of pooling (voting only) are for partial clouds, whose unseen part only the whole cloud tells.
+    `blocks` more rounds of pooling (voting only) are for partial clouds, whose unseen part depends on the whole cloud.
     """
 
     def __init__(self, config: ModelConfig, blocks: int = 0) -> None:

@@ -34,7 +34,7 @@ VISIBILITY = "visibility"
 class Model(Mapping[str, KPRed]):
     """Networks of one or several categories under one name; a mapping from category to `KPRed`.
 
-    `recognizer` tells category and yaw of a scan, where the model has one; without it both are found by fitting.
+    `recognizer` predicts category and yaw of a scan, where the model has one; without it both are found by fitting.
     `visibility` predicts where a scanner would have seen surface, where the model has such a network.
     `calibration` turns evidence into confidence; None takes the built-in one.
     """
@@ -186,7 +186,7 @@ def load_visibility(folder: str | os.PathLike[str], device: torch.device | str =
 
 
 def save_network(network: KPRed, folder: str | os.PathLike[str], half: bool = True) -> None:
-    """Write config.json and model.safetensors (half precision unless told otherwise), each file atomically.
+    """Write config.json and model.safetensors (half precision by default), each file atomically.
 
     Raises:
         OutputError: if the folder cannot be written.

@@ -63,10 +63,10 @@ class Recognizer(nn.Module):
     """PointNet with context blocks over a cloud, maybe partial, in any unit, y up, rotated by a supposed yaw.
 
     It answers two questions about the cloud as it stands: which category it is of, or none (another thing, or not
-    facing +z, or not upright); and by which small turn it would face +z exactly. Asked for several turns, it tells yaw.
+    facing +z, or not upright); and the small yaw after which it faces +z exactly. Several calls find the yaw.
 
     Attributes:
-        second: another recognizer of the same categories, trained on its own, whose opinion may be asked too.
+        second: another recognizer of the same categories, trained independently, for `predict_ensemble`.
     """
 
     def __init__(self, config: RecognizerConfig) -> None:

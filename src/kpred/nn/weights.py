@@ -67,7 +67,7 @@ def save_weights(
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             save_file(tensors, Path(scratch) / WEIGHTS_FILE)
             (Path(scratch) / CONFIG_FILE).write_text(json.dumps(config, indent=2) + "\n")
-            # Safetensors makes private files; a plain one has the mode that the user's umask asks for.
+            # Safetensors makes private files; a plain one has the mode of the user's umask.
             os.chmod(Path(scratch) / WEIGHTS_FILE, (Path(scratch) / CONFIG_FILE).stat().st_mode)
             for name in (WEIGHTS_FILE, CONFIG_FILE):
                 os.replace(Path(scratch) / name, folder / name)

@@ -21,7 +21,7 @@ def chamfer_of_each(
 ) -> Float[np.ndarray, " results"]:
     """Compute `chamfer_distance` (or the unilateral one) of each of `results` from one target; unit squared.
 
-    Every `step`-th point of a result and every `target_step`-th of the target is asked for; these are searched among
+    Every `step`-th point of a result and every `target_step`-th of the target is a query; these are searched among
     all points of the other cloud, so that the distance is right in the mean.
     """
     queries = np.ascontiguousarray(target[::target_step])

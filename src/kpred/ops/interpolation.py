@@ -1,6 +1,6 @@
 """Influence of keypoints on cage vertices without learning: smooth interpolation that reproduces affine maps.
 
-The learned influence of `kpred.nn.influence` is a correction on top of this one where the config asks for it; alone it
+The learned influence of `kpred.nn.influence` is a correction on top of this one where the config enables it; alone it
 is the deformer of the no-learning baseline.
 """
 

@@ -26,7 +26,7 @@ def random_directions(
 def slice_by_plane(
     points: Float[Tensor, "batch points 3"], ratio: Float[Tensor, " batch"], normal: Float[Tensor, "batch 3"]
 ) -> Bool[Tensor, "batch points"]:
-    """Mask of the points that stay visible when a plane with this normal cuts away a share `ratio` of them.
+    """Mask of the points that stay visible when a plane with this normal cuts away a fraction `ratio` of them.
 
     The paper's random slicing: exactly round(ratio * points) points, those farthest along the normal, are hidden.
     """
@@ -96,9 +96,9 @@ def depth_scan(
 
     Args:
         count: most points returned (fewer if less is seen).
-        noise: standard deviation along the viewing ray, as a share of the object's half extent.
-        dropout: share of pixels lost at random, as where a surface reflects badly.
-        outliers: share of returned points replaced by points anywhere in a box 1.2 times the object's.
+        noise: standard deviation along the viewing ray, as a fraction of the object's half extent.
+        dropout: fraction of pixels lost at random, as where a surface reflects badly.
+        outliers: fraction of returned points replaced by points anywhere in a box 1.2 times the object's.
     """
     dense, face = sample_surface(vertices, faces, 6 * resolution * resolution, generator)
     low, high = dense.amin(0), dense.amax(0)

@@ -18,8 +18,8 @@ def robust_weights(squared, times, min_scale, weight):
     for b in range(len(squared)):
         scale = np.float32(ranked(squared[b].copy(), middle) * times + min_scale)
         for i in range(squared.shape[1]):
-            share = scale / (scale + squared[b, i])
-            weight[b, i] = share * share
+            factor = scale / (scale + squared[b, i])
+            weight[b, i] = factor * factor
 
 
 @numba.njit(cache=True, nogil=True)
@@ -98,8 +98,8 @@ def deform(points, basis, displacement, moved, first, last):
         for i in range(points.shape[1]):
             x, y, z = points[b, i, 0], points[b, i, 1], points[b, i, 2]
             for k in range(basis.shape[2]):
-                share = basis[b, i, k]
-                x += share * displacement[b, k, 0]
-                y += share * displacement[b, k, 1]
-                z += share * displacement[b, k, 2]
+                factor = basis[b, i, k]
+                x += factor * displacement[b, k, 0]
+                y += factor * displacement[b, k, 1]
+                z += factor * displacement[b, k, 2]
             moved[b, i, 0], moved[b, i, 1], moved[b, i, 2] = x, y, z

@@ -1,6 +1,6 @@
 """Compiled kernels shared among threads that sleep when there is nothing to do.
 
-Numba's own parallel loops wait busily for all of their threads: on a machine that has other work too, each such loop
+Numba's own parallel loops spin until all of their threads end: on a machine that has other work too, each such loop
 costs a time slice, which is longer than a small kernel takes. Here the caller does its share itself, threads of a pool
 do the others', and small jobs never leave the calling thread. Kernels must release the interpreter's lock.
 """
@@ -27,7 +27,7 @@ _pool: ThreadPoolExecutor | None = None
 def thread_count() -> int:
     """Return how many threads a kernel may use: as many as torch, which follows `OMP_NUM_THREADS`.
 
-    Numba is not asked: its thread pool would start, and set the number of OpenMP's threads anew.
+    Numba's own number is not used: its thread pool would start, and change the number of OpenMP's threads.
     """
     return max(1, min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))
 
@@ -35,7 +35,7 @@ def thread_count() -> int:
 def parallel_for(kernel: Callable[[int, int], None], jobs: int, steps: int) -> None:
     """Run `kernel(first, last)` on slices of range(jobs), on `thread_count` threads.
 
-    Whoever is free takes the next slice: a thread that wakes late, or not at all, keeps nobody waiting.
+    A free thread takes the next slice, so that a late thread delays no other.
 
     Args:
         jobs: independent of one another.

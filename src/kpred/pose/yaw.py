@@ -95,7 +95,7 @@ def _wall_peaks(angle: np.ndarray, weight: np.ndarray, max_peaks: int = 2) -> li
     if len(angle) < 12:
         return []
     histogram = np.bincount((angle / QUARTER * bins).astype(np.int64) % bins, weight, bins)
-    smooth = sum(np.roll(histogram, shift) * share for shift, share in ((-2, 0.5), (-1, 1), (0, 1), (1, 1), (2, 0.5)))
+    smooth = sum(np.roll(histogram, shift) * factor for shift, factor in ((-2, 0.5), (-1, 1), (0, 1), (1, 1), (2, 0.5)))
     smooth = np.asarray(smooth)
     peaks: list[float] = []
     for _ in range(max_peaks):

@@ -1,4 +1,4 @@
-"""Floor in the scan of one object that was cut out by a tight box: a bare plane below it, no wider than the object."""
+"""Floor in the scan of one object that a tight box cut out: a bare plane below the object."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def detect_floor_in_box(
 
 
 def _hull_area(plane: Float[np.ndarray, "points 2"]) -> float:
-    """Area of the convex hull of 2-D points, without the outermost half percent of each coordinate."""
+    """Compute the area of the convex hull of points (N, 2), without the outermost half percent per axis."""
     low, high = np.quantile(plane, [0.005, 0.995], axis=0)
     try:
         return float(ConvexHull(plane[((plane >= low) & (plane <= high)).all(axis=1)]).volume)

@@ -34,7 +34,7 @@ def invalid_points(points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " 
 
 
 def _at_markers(points: np.ndarray, repeated: np.ndarray) -> np.ndarray:
-    """Points at places that hold a large part of all points."""
+    """Return a mask (N,) of points at positions that hold a large part of all points."""
     found = np.zeros(len(points), dtype=bool)
     rows = np.flatnonzero(repeated)
     some = points[rows[:: max(1, len(rows) // 1024)]]
@@ -47,7 +47,7 @@ def _at_markers(points: np.ndarray, repeated: np.ndarray) -> np.ndarray:
 
 
 def _behind_gap(points: np.ndarray) -> np.ndarray:
-    """Points farther from the median than a gap that no object has."""
+    """Return a mask (N,) of points farther from the median than a gap that no object has."""
     with np.errstate(over="ignore"):
         distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     ordered = np.sort(distance)

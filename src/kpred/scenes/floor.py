@@ -34,7 +34,7 @@ _MIN_INSIDE = 0.2
 
 _TRIALS = 200
 _ROOM = 2.5
-"""Metres that a scanned room is high, about: what tells the scene's unit."""
+"""Typical height of a scanned room in metres, to estimate the scene's unit."""
 
 _UNITS = (1.0, 0.01, 0.001)
 
@@ -46,8 +46,8 @@ class SceneFloor:
     Attributes:
         up: the scene's up axis (x, y, z, -x, -y, -z), along which heights are measured.
         level: height of the plane at the origin; slope: (2,) its rise along the two other axes, in the order x, y, z.
-        source: what told it, `labels` or `points`.
-        metres: length of the scene's unit, as the height of the scene tells it.
+        source: `labels` or `points`.
+        metres: length of the scene's unit, estimated from the scene's height.
     """
 
     up: str
@@ -186,7 +186,7 @@ def _plane(plan: np.ndarray, height: np.ndarray, tolerance: float, seed: int) ->
         return None
     for _ in range(4):
         on_it = np.abs(rows @ best - height) <= tolerance
-        # Columns in one line do not tell the slope across it: a little pull keeps it level.
+        # Columns in one line do not determine the slope across it: a small regularisation keeps it level.
         pull = 1e-3 * np.diag([1.0, 1.0, 0.0]) * float(np.square(plan - plan.mean(axis=0)).sum())
         middle = rows[on_it] - np.array([*plan.mean(axis=0), 0.0])
         slopes = np.linalg.solve(middle.T @ middle + pull, middle.T @ height[on_it])

@@ -66,7 +66,7 @@ def objects_of(scene: Scene, file: str | os.PathLike[str] | None = None) -> list
     - S3DIS's `Annotations` folder with one .txt of points an object.
     None takes the instance numbers in the scene's own PLY, of its vertices or of its faces (Replica).
 
-    What is wrong with one object (no points, a broken transform) is told in its `problem`; the others are not touched.
+    An error of one object (no points, a broken transform) is stored in its `problem`; the others are not affected.
 
     Raises:
         ScanError: the file is missing, unreadable or of no known kind, its labels do not match the scene's points, or

@@ -104,7 +104,7 @@ def read_depth(
     if array.dtype.kind == "f":
         depth = array.astype(np.float64) / (depth_scale or 1.0)
         return np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
-    # Pillow may widen 16 bits to 32, so that the values must tell which is the highest.
+    # Pillow may widen 16 bits to 32, so that the highest value decides.
     widened = array.dtype.itemsize > 2 and array.max(initial=0) <= 65535
     highest = 65535 if widened else np.iinfo(array.dtype).max
     depth = array.astype(np.float64) / (depth_scale or units_per_metre or MILLIMETRES)

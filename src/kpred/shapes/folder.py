@@ -106,7 +106,7 @@ def _with_unique_ids(items: list[FolderItem], root: Path) -> list[FolderItem]:
     for item in items:
         model_id = item.model_id
         if count[model_id] > 1:
-            # The path below the folder tells them apart, with "_" for every separator; a number if even that clashes.
+            # The path below the folder makes them unique, with "_" for every separator; a number if even that clashes.
             model_id = "_".join(item.path.relative_to(root).parts).replace(".", "_")
             stem, number = model_id, 2
             while model_id in taken:

@@ -95,7 +95,7 @@ def clean_mesh(mesh: Mesh) -> Mesh:
 
 
 def mesh_hash(mesh: Mesh) -> str:
-    """Hash vertices and faces, to tell whether two meshes are the same to the bit; 16 hexadecimal digits."""
+    """Hash vertices and faces, equal for identical meshes; 16 hexadecimal digits."""
     total = hashlib.sha256()
     for array, dtype in ((mesh.vertices, "<f4"), (mesh.faces, "<i4")):
         total.update(np.asarray(array.shape, dtype="<i8").tobytes())

@@ -38,7 +38,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh file as one triangle mesh in the file's own frame and unit.
 
     Parts (objects and groups of an OBJ, nodes of a GLB or glTF with their transforms applied) are joined;
-    ``face_parts`` tells them apart when there are several. Quads and polygons become triangles; faces
+    ``face_parts`` numbers them when there are several. Quads and polygons become triangles; faces
     without area are dropped; materials, textures and a missing .mtl are ignored.
 
     Raises:

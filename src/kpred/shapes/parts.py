@@ -8,7 +8,7 @@ from kpred.ops.typing import Int
 from kpred.shapes.mesh import Mesh
 
 _WELD = 1e-5
-"""Corners nearer than this share of the mesh's size are one, where triangles share no vertices."""
+"""Corners nearer than this fraction of the mesh's size are one, where triangles share no vertices."""
 
 
 def part_labels(mesh: Mesh, max_parts: int) -> Int[np.ndarray, " faces"]:

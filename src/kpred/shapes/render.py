@@ -9,7 +9,7 @@ import numpy as np
 from kpred.shapes.camera import Camera
 
 NEAR = 1e-3
-"""What lies nearer than this share of the farthest depth is cut away, since it cannot be projected."""
+"""What lies nearer than this fraction of the farthest depth is cut away, since it cannot be projected."""
 
 _PIXELS_AT_ONCE = 4_000_000
 _TOUCHING = 1e-7

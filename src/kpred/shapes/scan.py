@@ -27,7 +27,7 @@ SCAN_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".npy", ".npz", *MESH_SCAN_
 MINIMUM_POINTS = 64
 SURFACE_SAMPLES = 32768
 
-# A mesh is dense when its own vertices describe it: at least this many, and this share of the area in faces whose
+# A mesh is dense when its own vertices describe it: at least this many, and this fraction of the area in faces whose
 # longest edge is at most this part of the box's diagonal. Beyond the last number faces are not even read.
 _DENSE_VERTICES = 2048
 _DENSE_AREA = 0.9

@@ -20,7 +20,7 @@ from kpred.shapes.stand import stand_mesh
 
 
 class Shape(NamedTuple):
-    """One shape of a source: y up, front +z; split is source, train or val (source for files of a folder).
+    """One shape of a source: y up, front +z; split is source, train or val.
 
     `details`: what a manifest says of it, by column (title, author, licence, source, width, ...).
     """

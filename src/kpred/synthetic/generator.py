@@ -25,7 +25,7 @@ _SOURCE_FRACTION, _TRAIN_FRACTION = 0.15, 0.70
 
 
 class _Families(Mapping[str, dict[str, Family]]):
-    """Category -> family name -> builder; a category's module is imported when it is first asked for."""
+    """Category -> family name -> builder; a category's module is imported at first use."""
 
     def __getitem__(self, category: str) -> dict[str, Family]:
         module, name = _HOME[category]
@@ -48,7 +48,7 @@ def generate(
     """Pack of `count` shapes of "chair", "table", "cabinet" or "other"; the families take turns.
 
     Metres, y up, front +z, floor at y = 0, bounding box centred in x and z. Shape i depends only on category, seed
-    and i, and a pack with a larger count begins with the same shapes. `cuboids` in [0, 1] is the share of shapes
+    and i, and a pack with a larger count begins with the same shapes. `cuboids` in [0, 1] is the fraction of shapes
     whose parts are replaced by their boxes, `coarse` that of shapes of few plain boxes (`COARSE_FAMILIES`, drawn by
     their weights; there are none of "other"). With `splits` 15 % of shapes are source, 70 % train and 15 % val at
     random by seed, else all are source. `model_id` is family_seed_index; extra arrays: `factory` (the family),
@@ -64,9 +64,9 @@ def generate(
         raise ConfigError(f"count and seed must not be negative, but are {count} and {seed}")
     for kind, fraction in (("cuboid", cuboids), ("coarse", coarse)):
         if not 0.0 <= fraction <= 1.0:
-            raise ConfigError(f"the share of {kind} shapes must lie in [0, 1], but is {fraction}")
+            raise ConfigError(f"the fraction of {kind} shapes must lie in [0, 1], but is {fraction}")
     if coarse and category == "other":
-        raise ConfigError("there are no coarse shapes of 'other'; leave their share at 0")
+        raise ConfigError("there are no coarse shapes of 'other'; leave `coarse` at 0")
     names = list(FAMILIES[category])
     labels: dict[str, int] = {}
     meshes: list[Mesh] = []
@@ -77,7 +77,7 @@ def generate(
         # Drawn apart too: the shapes that stay as they were keep their place.
         factories = [_coarse_or(name, category, [seed, i, 2], coarse) for i, name in enumerate(factories)]
     for i, factory in enumerate(factories):
-        # Drawn apart from the geometry, so that the share of cuboids does not change the shapes themselves.
+        # Drawn apart from the geometry, so that the fraction of cuboids does not change the shapes themselves.
         lot, box_lot = np.random.default_rng([seed, i, 0]).random(2)
         split.append(_split_of(lot) if splits else "source")
         boxed.append(bool(box_lot < cuboids))

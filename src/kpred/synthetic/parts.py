@@ -66,7 +66,7 @@ def loft(rings: np.ndarray, label: str, cap: np.ndarray | None = None, axes: np.
     triangles = np.concatenate(faces).astype(np.int64)
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    # A ring may turn either way; the enclosed volume tells which, seen from the middle to stay exact far from 0.
+    # A ring may have either winding; the sign of the enclosed volume, about the middle for precision, decides it.
     if np.einsum("ij,ij->", corners[:, 0] - vertices.mean(axis=0), normals) < 0.0:
         triangles = triangles[:, ::-1].copy()
     kept = np.linalg.norm(normals, axis=1) > 1e-10

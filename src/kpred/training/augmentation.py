@@ -92,7 +92,7 @@ def disturbed(
 ) -> Float[Tensor, "batch points 3"]:
     """Add jitter, and stray points near the visible part; amounts differ from cloud to cloud.
 
-    `noise` (unit of the clouds) and `outliers` (share of the points) are the most that a cloud gets.
+    `noise` (unit of the clouds) and `outliers` (fraction of the points) are the most that a cloud gets.
     """
     options: dict[str, Any] = {"generator": generator, "device": seen.device}
     level = torch.rand(len(seen), 1, 1, **options)

@@ -48,8 +48,8 @@ class TrainConfig:
             retrieved, not random (1 in the paper).
         refined_weight: weight of the Chamfer distance after keypoint refinement; it teaches the influence to span what
             refinement can use (0 in the paper).
-        consistency_weight: asks that a deformed source has the keypoints it was deformed to (0 in the paper).
-        ranking_weight: asks that token distances order sources as their deformation errors do (0 in the paper).
+        consistency_weight: of the difference between a deformed source's keypoints and their targets (0 in the paper).
+        ranking_weight: of the difference between orders by token distance and by deformation error (0 in the paper).
         partial_keypoint_weight: lambda_wkpt.
         confidence_floor: least weight of a keypoint in the partial stage, however little of its region is seen (0.1 in
             the published code, which leaves unseen keypoints almost unsupervised).
@@ -57,14 +57,14 @@ class TrainConfig:
         whole_weight: weight, in the partial stage, of the distance from the whole target's surface to the result:
             what is not seen is known in training (0 in the paper).
         frame_jitter: standard deviation by which the partial stage's frames are off in place and (as a factor) in
-            size, for half of its targets; nobody knows a real scan's frame exactly (0 in the paper).
-        occlusion: least and greatest share of a target hidden in the partial stage.
-        scanned: share of the partial stage's targets seen by a virtual depth camera rather than cut by a plane (0 in
+            size, for half of its targets, as real scans' frames are inexact (0 in the paper).
+        occlusion: least and greatest fraction of a target hidden in the partial stage.
+        scanned: fraction of the partial stage's targets seen by a virtual depth camera rather than cut by a plane (0 in
             the paper).
         box_weight: weight of the whole object's box (0 in the paper, which takes the box as known).
         stretch: targets are scaled per axis by up to this factor and put back in their unit box (1 is off).
         noise: standard deviation of the jitter on partial clouds, unit-box units; each cloud gets up to this.
-        outliers: share of stray points in partial clouds; each cloud gets up to this.
+        outliers: fraction of stray points in partial clouds; each cloud gets up to this.
         seed: of everything random.
         checkpoint_every: steps between checkpoints.
         precision: `float32`, or `bfloat16` autocast of the networks (CUDA).
@@ -105,7 +105,7 @@ class TrainConfig:
         if self.points < 64:
             raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
         if not 0 <= self.occlusion[0] <= self.occlusion[1] < 1:
-            raise ConfigError(f"Occlusion must be two shares in [0, 1), low then high, but is {self.occlusion}.")
+            raise ConfigError(f"Occlusion must be two fractions in [0, 1), low then high, but is {self.occlusion}.")
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for checkpoints and records."""

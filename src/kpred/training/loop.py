@@ -165,7 +165,7 @@ def optimise(
                 if done % config.checkpoint_every == 0 or done == total:
                     _save(path, work, optimizer, state, done, world)
     except KeyboardInterrupt as error:
-        # Of several processes, one that is interrupted on its own has nobody to save with.
+        # Of several processes, one that is interrupted alone cannot save, as saving needs all.
         if not torn and (world.is_single or isinstance(error, StopAllProcesses)):
             _save(path, work, optimizer, state, done, world)
         raise

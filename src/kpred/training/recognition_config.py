@@ -14,13 +14,13 @@ class RecognitionConfig(SingleStageConfig):
     """Settings of the recognizer's training.
 
     Attributes:
-        right, quarter, tilted: shares of clouds that stand right, turned by about 90, 180 or 270 degrees, and lying or
-            upside down; the rest is turned at random.
-        others: share of things that are of no category.
-        sliced, whole: shares of clouds that are cut by a plane, or whole; the rest is seen by a depth camera.
+        right, quarter, tilted: fractions of clouds that stand right, rotated by about 90, 180 or 270 degrees, and lying
+            or upside down; the rest is rotated at random.
+        others: fraction of things that are of no category.
+        sliced, whole: fractions of clouds that are cut by a plane, or whole; the rest is seen by a depth camera.
         stretch: clouds are scaled per axis by up to this factor.
-        noise, outliers: most jitter (unit box) and stray points (share) of a cloud.
-        floor: share of clouds that stand on a piece of floor, of which cleaning may have left a part.
+        noise, outliers: most jitter (unit box) and stray points (fraction) of a cloud.
+        floor: fraction of clouds that stand on a piece of floor, of which cleaning may have left a part.
         rooms: fraction of clouds that are crops of scanned rooms, where room packs are given.
         room_others: fraction of the crops that are of no category.
         yaw_weight: of the error of the turn, in units of `MAX_YAW_CORRECTION`.
@@ -44,7 +44,7 @@ class RecognitionConfig(SingleStageConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        alone = ((share,) for share in (self.others, self.rooms, self.room_others))
-        for shares in ((self.right, self.quarter, self.tilted), (self.sliced, self.whole), *alone):
-            if min(shares) < 0 or sum(shares) > 1:
-                raise ConfigError(f"Shares must not be negative or add up to more than 1, but are {shares}.")
+        alone = ((fraction,) for fraction in (self.others, self.rooms, self.room_others))
+        for fractions in ((self.right, self.quarter, self.tilted), (self.sliced, self.whole), *alone):
+            if min(fractions) < 0 or sum(fractions) > 1:
+                raise ConfigError(f"Fractions must not be negative or add up to more than 1, but are {fractions}.")

@@ -25,13 +25,13 @@ OTHER_FACTORIES = ("sofa_two", "sofa_three", "chaise")
 """Factories of chair packs whose shapes count as other things: a sofa has another category in every data set."""
 
 SYMMETRY_POINTS = 1024
-"""Points of each of the two samples that tell a shape's symmetry."""
+"""Number of points of each of the two samples for a shape's symmetry."""
 
 YAW_TOLERANCE = 0.025
 STRAY_DISTANCE = 0.12
 STRAY_FRACTION = 0.04
-"""A turn maps a shape onto itself if this is all that it adds to the mean distance of two samples, unit box, and to the
-share of points that are farther than `STRAY_DISTANCE`: the corners of a square top are few, and yet tell its turn."""
+"""A yaw maps a shape onto itself if it adds at most this to the mean distance of two samples (unit box), and to the
+fraction of points beyond `STRAY_DISTANCE`: the corners of a square top are few, but decide its period."""
 
 AT_ONCE = 32
 """Shapes whose symmetries are looked for together."""
@@ -93,7 +93,7 @@ def prepare_recognition(
         categories,
         kinds,
         torch.stack(clouds),
-        # Nobody asks how other things are turned.
+        # The yaw of other things is not learned.
         torch.where(kinds < len(categories), torch.cat(period), 0.0),
     )
 

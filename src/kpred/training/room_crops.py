@@ -27,12 +27,12 @@ MARGIN = 0.12
 """Metres around an object's points within which points of others may be taken for its own."""
 
 UNDECIDABLE = ("box", "computer")
-"""Other things that nobody can tell from cabinets when size is not known."""
+"""Other things that look like cabinets when size is not known."""
 
 
 @dataclass(frozen=True, eq=False)
 class RoomCrops:
-    """Crops of scanned rooms, each in the unit box and the canonical frame (y up, front +z) of its whole object.
+    """Crops of scanned rooms, each in the unit box and the canonical frame of its whole object.
 
     Attributes:
         categories: names; `category` (C,) is an index into them, or their number for other things.
@@ -56,7 +56,7 @@ class RoomCrops:
     grid: Bool[Tensor, "crops x y z"]
 
     def numbers(self) -> dict[str, int]:
-        """How many crops of each category and of other things there are."""
+        """Count the crops of each category and of other things."""
         counts = torch.bincount(self.category, minlength=len(self.categories) + 1).tolist()
         return dict(zip((*self.categories, OTHER), counts, strict=True))
 
@@ -64,9 +64,9 @@ class RoomCrops:
         """Draw random crops: categories equally often, other things with probability `others`."""
         known = len(self.categories)
         number = torch.bincount(self.category, minlength=known + 1)
-        share = torch.full((known + 1,), (1 - others) / known, device=self.own.device)
-        share[known] = others
-        chance = (torch.where(number > 0, share, 0.0) / number.clamp(min=1))[self.category]
+        fraction = torch.full((known + 1,), (1 - others) / known, device=self.own.device)
+        fraction[known] = others
+        chance = (torch.where(number > 0, fraction, 0.0) / number.clamp(min=1))[self.category]
         return torch.multinomial(chance, count, replacement=True, generator=generator)
 
 
@@ -145,7 +145,7 @@ def _crops_of_room(
 
 
 def _resized(cloud: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, 3) points in random order; they repeat where there are fewer."""
+    """Sample points (count, 3) in random order; they repeat where there are fewer."""
     return np.asarray(cloud[np.resize(rng.permutation(len(cloud)), count)])
 
 
@@ -160,7 +160,7 @@ def segmented(
     options: dict[str, Any] = {"generator": generator, "device": crops.own.device}
     batch = len(rows)
     own, near = crops.own[rows].float(), crops.near[rows].float()
-    cut, kind, has_piece, share = torch.rand(4, batch, 1, **options)
+    cut, kind, has_piece, fraction = torch.rand(4, batch, 1, **options)
     real, near_real = (
         torch.arange(points.shape[1], device=own.device)[None] < number[rows][:, None]
         for points, number in ((own, crops.own_count), (near, crops.near_count))
@@ -175,7 +175,7 @@ def segmented(
     keep = (order < own.shape[1] - missing) & real
     anchor = torch.randint(0, near.shape[1], (batch,), **options)
     away = (near - near[row, anchor][:, None]).norm(dim=2).masked_fill(~near_real, torch.inf)
-    allowed = torch.where(has_piece < 0.75, 0.15 * share * strength, 0.0) * keep.sum(1, keepdim=True)
+    allowed = torch.where(has_piece < 0.75, 0.15 * fraction * strength, 0.0) * keep.sum(1, keepdim=True)
     piece = (_ranks(away) < allowed) & near_real
     cloud, valid = torch.cat([own, near], dim=1), torch.cat([keep, piece], dim=1)
     chance = torch.where(valid, torch.rand(valid.shape, **options), -1.0)

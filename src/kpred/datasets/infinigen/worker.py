@@ -100,7 +100,7 @@ def _decimated(vertices, faces, max_faces):  # type: ignore[no-untyped-def]
 
 
 def main(arguments: list[str]) -> int:
-    """Make all that is asked for; one failure does not stop the rest."""
+    """Make all jobs; one failure does not stop the rest."""
     folder, max_faces, jobs = arguments[0], int(arguments[1]), arguments[2:]
     # Infinigen and Blender print what they like; standard output is for the results.
     results = os.fdopen(os.dup(1), "w", buffering=1)

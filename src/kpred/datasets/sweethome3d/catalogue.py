@@ -29,7 +29,7 @@ COLUMNS = (
 )
 
 CHANGES = "turned and scaled to metres"
-"""CC BY asks to say what was changed."""
+"""Changes, which CC BY requires to be stated."""
 
 _MAP = re.compile(rb"^\s*(?:map_\w+|bump|disp|refl|decal)\s+(?:.*\s)?(\S+)\s*$", re.IGNORECASE | re.MULTILINE)
 

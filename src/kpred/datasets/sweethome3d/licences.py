@@ -19,7 +19,7 @@ _NAMES = (
     ("CC-BY-3.0", r"Creative Commons Attribution 3\.0|licenses/by/3\.0"),
     ("CC-BY-4.0", r"Attribution 4\.0|licenses/by/4\.0"),
 )
-"""SPDX names with what tells them in a text, the first that matches counts; restrictions stand before plain CC BY."""
+"""SPDX names with a pattern of their text, the first match counts; restrictions stand before plain CC BY."""
 
 FREE = ("CC0-1.0", "CC-BY-3.0-US", "CC-BY-3.0", "CC-BY-4.0")
 """Licences under which a model may be changed and passed on, with attribution where they ask for it."""

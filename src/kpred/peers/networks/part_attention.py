@@ -1,4 +1,4 @@
-"""Which way a source's parts go: parts, source and target told by attention between them (U-RED, Sec. 3)."""
+"""Motion of a source's parts by attention between parts, source and target (U-RED, Sec. 3)."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 As published: a PointNet encodes the sources, its features pooled over each part are the parts' codes; attention
 between parts, source and target says how the parts' boxes move and grow, contacts kept by projection. For every point
-of the target a network tells, from the point's feature and the codes of target and source, where the nearest point of
-the deformed source would lie; the source with the shortest of these residuals is retrieved, without being deformed.
+of the target a network predicts, from the point's feature and the codes of target and source, the nearest point of the
+deformed source; the source with the shortest of these residuals is retrieved, without being deformed.
 Partial targets have a branch of their own, whose residual depends on a point of the unit sphere too: one partial shape
 may belong to many whole ones, and each point of the sphere stands for one of them.
 """

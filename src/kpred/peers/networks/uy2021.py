@@ -1,8 +1,8 @@
 """Uy et al. (CVPR 2021): joint learning of retrieval and part-wise deformation, sources known by learned codes.
 
-As published: a target encoder; an auto-decoded code of every source and of each of its parts; a decoder that tells from
-target, source and part how the part's box moves and grows; contacts between parts kept by projection. Retrieval in an
-embedding of its own, where every source is a region: a learned centre, and learned widths that say how far it can be
+As published: a target encoder; an auto-decoded code of every source and of each of its parts; a decoder that predicts
+from target, source and part how the part's box moves and grows; contacts between parts kept by projection. Retrieval in
+an embedding of its own, where every source is a region: a learned centre, and learned widths that say how far it can be
 deformed along each direction. Sources are known by their codes alone, so that only sources of the training can be
 retrieved.
 """

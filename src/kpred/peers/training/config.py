@@ -62,7 +62,7 @@ class Uy2021Training(PeerTraining):
         warmup: first steps in which candidates are drawn at random; after them half of them are drawn by the
             retrieval's own odds, so that the deformation learns what is retrieved.
         retrieval_weight: of the cross-entropy of the odds of the retrieval against those of the deformation errors.
-        temperature: odds of sources fall by e for each such share of the mean error by which they are worse.
+        temperature: odds of sources fall by e for each such fraction of the mean error by which they are worse.
     """
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=8))
@@ -86,7 +86,7 @@ class URedTraining(PeerTraining):
         consistency_weight: between the results for whole and partial targets.
         residual_weight: of the L1 error of the predicted residuals; a hundredth of it: of their own length.
         reconstruction_weight: of the clouds' reconstruction, by which the encoders are kept honest.
-        occlusion: least and greatest share of a target hidden from the branch for partial ones.
+        occlusion: least and greatest fraction of a target hidden from the branch for partial ones.
     """
 
     mirror_weight: float = 1.0
@@ -98,7 +98,7 @@ class URedTraining(PeerTraining):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0 <= self.occlusion[0] <= self.occlusion[1] < 1:
-            raise ConfigError(f"Occlusion must be two shares in [0, 1), low then high, but is {self.occlusion}.")
+            raise ConfigError(f"Occlusion must be two fractions in [0, 1), low then high, but is {self.occlusion}.")
 
 
 @dataclass(frozen=True)

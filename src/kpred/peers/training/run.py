@@ -152,7 +152,7 @@ def _keypoint_deformer(
     progress: Progress | None,
 ) -> Prepared:
     network = fresh_network(lambda: KeypointDeformer(model), config.seed).to(device)
-    # The preparation asks the network for nothing but cages, and this one makes the same.
+    # The preparation uses only the network's cages, which are the same here.
     data = prepare(list(packs), KPRed(model.model_config()), config.points, config.seed, device, progress=progress)
     return Prepared(network, lambda c: KeypointDeformerStage(network, data, c), _count(data, data.sources))
 

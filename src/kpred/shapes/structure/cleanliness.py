@@ -140,7 +140,7 @@ def thickness_ratios(
 
 
 def _box(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return lowest corner and longest side of the vertices in use; a side of 1 for a single point or none."""
+    """Return lowest corner and longest side of the vertices in use; side 1 for fewer than two points."""
     if not len(faces):
         return np.zeros(3), 1.0
     corners = vertices[faces.reshape(-1)].astype(np.float64)

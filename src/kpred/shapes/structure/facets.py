@@ -128,7 +128,7 @@ def _adopted_normals(frames: FaceFrames, edges: np.ndarray) -> np.ndarray:
 
 
 def _strips(left: np.ndarray, right: np.ndarray, length: np.ndarray, area: np.ndarray) -> Bool[np.ndarray, " facets"]:
-    """Test whether each facet is a strip of a curved surface, by the pairs of facets that meet in smooth bends."""
+    """Test whether each facet is a strip of a curved surface, by facets that meet in smooth bends."""
     count = len(area)
     keys, index = np.unique(np.minimum(left, right) * count + np.maximum(left, right), return_inverse=True)
     shared = np.bincount(index.reshape(-1), length, len(keys))

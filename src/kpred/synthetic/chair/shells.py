@@ -73,7 +73,7 @@ def shell(
     quads = [
         quad for i in range(last) for quad in ([i, i + 1, 2 * last + 1 - i], [i + 1, 2 * last - i, 2 * last + 1 - i])
     ]
-    # Rings begin in the middle of the sheet, whose line tells the runs of seat and back apart.
+    # Rings begin in the middle of the sheet, whose line separates the runs of seat and back.
     middle_first = np.roll(np.stack(rings), -(last // 2), axis=1)
     cap = (np.array(quads) - last // 2) % (2 * last + 2)
     return [loft(middle_first, "shell", cap)]

@@ -1,7 +1,7 @@
 """Storage furniture of few plain boxes, in wilder proportions and with ruder joints than what is sold.
 
 So it looks in models that people draw for games and films: fronts without handles, backs that were left out because
-nobody sees them, boards as thick as beams. Frame: metres, y up, floor y = 0, doors and open bays towards +z.
+hidden faces, boards as thick as beams. Frame: metres, y up, floor y = 0, doors and open bays towards +z.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Furniture of few plain boxes: families of their own, with the share of shapes that each has."""
+"""Furniture of few plain boxes: families of their own, with the fraction of shapes that each has."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """All families of things that are neither chair, table nor cabinet: what a scan may hold instead.
 
-Sofas and plain closed boxes are left out, because nobody can tell them from armchairs and cabinets.
+Sofas and plain closed boxes are left out, because they are indistinguishable from armchairs and cabinets.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class Arrangement:
 
 
 def _inner_points(item: RoomObject) -> np.ndarray:
-    """Points all through an object's box, for what is closed or crowded inside."""
+    """Return points all through an object's box, for closed or crowded objects."""
     low, high = item.box
     axes = [np.linspace(a, b, max(2, int((b - a) / 0.035) + 1)) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

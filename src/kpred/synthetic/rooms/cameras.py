@@ -27,7 +27,7 @@ def looking(eye: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> np.
 
 
 def path_poses(room: Room, free: np.ndarray, frames: int, rng: np.random.Generator) -> np.ndarray:
-    """(frames, 4, 4) poses of a camera that is carried through a room by hand, looking around and mostly down.
+    """Draw poses (frames, 4, 4) of a hand-held camera through a room, looking around and mostly down.
 
     `free`: (N, 2) free places (x, z) on the floor.
     """
@@ -48,7 +48,7 @@ def path_poses(room: Room, free: np.ndarray, frames: int, rng: np.random.Generat
 
 
 def tripod_poses(room: Room, free: np.ndarray, stations: int, rng: np.random.Generator) -> np.ndarray:
-    """(6 stations, 4, 4) poses of square images of 90 degrees that look all around from places that are apart."""
+    """Draw poses (6 stations, 4, 4) of square images of 90 degrees all around separate places."""
     poses = []
     for x, z in _apart(free, stations, room, rng):
         eye, start = np.array([x, rng.uniform(1.3, 1.7), z]), float(rng.uniform(0, 2 * np.pi))
@@ -57,7 +57,7 @@ def tripod_poses(room: Room, free: np.ndarray, stations: int, rng: np.random.Gen
 
 
 def single_pose(room: Room, rng: np.random.Generator) -> np.ndarray:
-    """(1, 4, 4) pose of one camera near a wall that looks into the room."""
+    """Draw the pose (1, 4, 4) of one camera near a wall that looks into the room."""
     half = room.size[[0, 2]] / 2
     angle = float(rng.uniform(0, 2 * np.pi))
     place = np.array([np.sin(angle), np.cos(angle)])
@@ -69,7 +69,7 @@ def single_pose(room: Room, rng: np.random.Generator) -> np.ndarray:
 
 
 def drifted(poses: np.ndarray, shift: float, turn: float, rng: np.random.Generator) -> np.ndarray:
-    """(K, 4, 4) poses as tracking estimates them: off by slow waves of up to `shift` metres and `turn` radians."""
+    """Disturb poses (K, 4, 4) as tracking does, by slow waves up to `shift` metres and `turn` radians."""
     time = np.linspace(0.0, 1.0, len(poses))
     moved = poses.copy()
     moved[:, :3, 3] += np.stack([_wave(time, shift / np.sqrt(3), rng) for _ in range(3)], axis=1)
@@ -82,7 +82,7 @@ def drifted(poses: np.ndarray, shift: float, turn: float, rng: np.random.Generat
 
 
 def _wave(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """A slow smooth function of the time, no larger than the amplitude."""
+    """Draw a slow smooth function of the time, no larger than the amplitude."""
     found = np.zeros_like(time)
     for cycles in (1.0, 2.3, 4.1):
         found += np.sin(2 * np.pi * (cycles * time + rng.random())) * rng.random() / 3
@@ -90,7 +90,7 @@ def _wave(time: np.ndarray, amplitude: float, rng: np.random.Generator) -> np.nd
 
 
 def _apart(free: np.ndarray, count: int, room: Room, rng: np.random.Generator) -> np.ndarray:
-    """(count, 2) free places, each the farthest of a few random ones from those before."""
+    """Draw free places (count, 2), each the farthest of a few random ones from those before."""
     if not len(free):
         free = rng.uniform(-0.3, 0.3, (8, 2)) * room.size[[0, 2]]
     found = [free[int(rng.integers(len(free)))]]

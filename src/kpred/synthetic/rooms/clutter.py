@@ -48,7 +48,7 @@ def clutter_floor(room: Arrangement, count: int) -> None:
 
 
 def level_faces(item: RoomObject) -> np.ndarray:
-    """(F, 3, 3) corners, in the object's frame, of the level faces that are large enough to carry something."""
+    """Return corners (F, 3, 3), in the object's frame, of level faces large enough to carry something."""
     corners = np.asarray(item.mesh.vertices, dtype=np.float64)[np.asarray(item.mesh.faces)]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     twice = np.linalg.norm(cross, axis=1)

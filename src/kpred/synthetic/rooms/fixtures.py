@@ -14,7 +14,7 @@ KINDS = ("picture", "picture", "board", "television", "vent", "radiator", "panel
 
 
 def hang_fixtures(wall: Wall, rng: np.random.Generator) -> list[RoomObject]:
-    """Hang none to three things on a wall, apart from its openings; they stand out by centimetres."""
+    """Return hang none to three things on a wall, apart from its openings; they stand out by centimetres."""
     taken = [*wall.doors, *wall.windows]
     found = []
     for _ in range(whole(rng, 0, 3)):
@@ -34,7 +34,7 @@ def hang_fixtures(wall: Wall, rng: np.random.Generator) -> list[RoomObject]:
 
 
 def _build(kind: str, rng: np.random.Generator) -> tuple[list[Part], float]:
-    """Parts, and the height of their lower edge."""
+    """Build parts; also return the height of their lower edge."""
     if kind == "picture":
         size = (between(rng, 0.2, 1.0), between(rng, 0.2, 0.8), between(rng, 0.015, 0.04))
         return _framed(size, rng), between(rng, 1.1, 1.6)

@@ -19,7 +19,7 @@ Recipe = Callable[[Arrangement], None]
 
 
 def furnish_room(seed: int, index: int, catalogue: Catalogue) -> Room:
-    """Build room `index` of a seed; it depends on these and the catalogue alone. Metres, y up, floor at y = 0."""
+    """Build room `index` of a seed, from these and the catalogue only; metres, y up, floor at y = 0."""
     rng = np.random.default_rng([seed, index, 7])
     name = pick(rng, list(RECIPES), [weight for _, weight in RECIPES.values()])
     size = np.array([between(rng, 2.6, 6.5), between(rng, 2.4, 3.1), between(rng, 2.6, 6.5)])
@@ -45,7 +45,7 @@ def _furniture(room: Arrangement) -> int:
 
 
 def _walls(room: Arrangement) -> list[Wall]:
-    """The walls in random order."""
+    """Return the walls in random order."""
     return [room.walls[int(number)] for number in room.rng.permutation(len(room.walls))]
 
 
@@ -55,7 +55,7 @@ def _spots(wall: Wall, step: float) -> np.ndarray:
 
 
 def office(room: Arrangement) -> None:
-    """Desks along walls or in an island, office chairs, tall and low cabinets, a chair or two besides."""
+    """Return furnish desks along walls or in an island, office chairs, cabinets, sometimes other chairs."""
     rng, walls = room.rng, _walls(room)
     desk, chair = room.draw("desk"), room.draw("office chair")
     if min(room.size[[0, 2]]) > 4.0 and happens(rng, 0.35):
@@ -77,7 +77,7 @@ def office(room: Arrangement) -> None:
 
 
 def meeting(room: Arrangement) -> None:
-    """A table in the middle with many chairs, more chairs along a wall, a few cabinets."""
+    """Return furnish a table in the middle with many chairs, more chairs along a wall, a few cabinets."""
     rng, walls = room.rng, _walls(room)
     chairs = pick(rng, ["office chair", "dining chair"])
     for _ in range(whole(rng, 1, 2)):
@@ -89,7 +89,7 @@ def meeting(room: Arrangement) -> None:
 
 
 def living(room: Arrangement) -> None:
-    """One or two sofas with low tables and armchairs, cabinets, often a table with chairs."""
+    """Return furnish one or two sofas with low tables and armchairs, cabinets, often a table with chairs."""
     rng, walls = room.rng, _walls(room)
     for wall in walls[: whole(rng, 1, 2)]:
         lounge(room, wall)
@@ -104,7 +104,7 @@ def living(room: Arrangement) -> None:
 
 
 def bedroom(room: Arrangement) -> None:
-    """A bed or two with nightstands, a wardrobe, a chest, a desk, an armchair."""
+    """Return furnish a bed or two with nightstands, a wardrobe, a chest, a desk, an armchair."""
     rng, walls = room.rng, _walls(room)
     bed_group(room, walls[0])
     if happens(rng, 0.3):
@@ -120,7 +120,7 @@ def bedroom(room: Arrangement) -> None:
 
 
 def kitchen(room: Arrangement) -> None:
-    """Low cabinets in a row with others above them, a table with chairs or a high one with stools."""
+    """Return furnish low cabinets in a row with others above them, a table with chairs or stools."""
     rng, walls = room.rng, _walls(room)
     for wall in walls[: whole(rng, 1, 2)]:
         row(room, "low cabinet", wall, whole(rng, 2, 6))
@@ -133,7 +133,7 @@ def kitchen(room: Arrangement) -> None:
 
 
 def store(room: Arrangement) -> None:
-    """Shelves and cabinets along all walls, a table, stray chairs, many boxes."""
+    """Return furnish shelves and cabinets along all walls, a table, stray chairs, many boxes."""
     rng = room.rng
     for wall in _walls(room)[: whole(rng, 2, 4)]:
         row(room, "tall cabinet", wall, whole(rng, 2, 6))
@@ -153,4 +153,4 @@ RECIPES: dict[str, tuple[Recipe, float]] = {
     "kitchen": (kitchen, 0.1),
     "store": (store, 0.08),
 }
-"""Name -> how a kind of room is furnished, and its share of the rooms."""
+"""Name -> how a kind of room is furnished, and its fraction of the rooms."""

@@ -1,4 +1,4 @@
-"""Fusion of depth images: readings of one surface are averaged to one layer of points, as a TSDF's mesh has them."""
+"""Fusion of depth images: depths of one surface are averaged to one layer of points, as in a TSDF."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _fused(points, labels, codes, cell, slab, least, size):
 @numba.njit(cache=True)
 @no_type_check
 def _join_slabs(keys, sums, count, slab):
-    """A surface that lies at the border of two slabs is one surface: the smaller part joins the larger one."""
+    """Join surfaces at the border of two slabs: the smaller part joins the larger one."""
     for at in range(len(keys)):
         if keys[at] == -1 or count[at] == 0:
             continue

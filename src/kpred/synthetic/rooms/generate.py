@@ -37,7 +37,7 @@ def generate_rooms(
     splits: Sequence[str] = ("source", "train"),
     progress: Progress | None = None,
 ) -> RoomPack:
-    """Furnish and scan `count` rooms; room i depends on seed, i and the packs alone.
+    """Return furnish and scan `count` rooms; room i depends on seed, i and the packs only.
 
     Args:
         packs: mesh packs (metres) whose shapes furnish the rooms beside the generator's; splits: which of them.
@@ -91,7 +91,7 @@ def record_room(
 
 
 def grid_nodes(box: np.ndarray) -> np.ndarray:
-    """(GRID ** 3, 3) nodes of the visibility grid about a box (2, 3), in its frame; x varies slowest."""
+    """Return the nodes (GRID ** 3, 3) of the visibility grid about a box (2, 3); x varies slowest."""
     middle, half = box.mean(axis=0), float(np.ptp(box, axis=0).max()) / 2
     steps = np.linspace(-GRID_REACH * half, GRID_REACH * half, GRID)
     return np.asarray(np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3) + middle)
@@ -106,7 +106,7 @@ def _is_large(item: RoomObject) -> bool:
 
 
 def _visibility(item: RoomObject, views: Views, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Whole surface (int16), packed bits of what was seen of it, and of the nodes around it."""
+    """Return the whole surface (int16), and packed visibility bits of it and of the nodes around it."""
     cloud = _sampled(item.mesh, SURFACE_POINTS, rng)
     places = np.concatenate([cloud, grid_nodes(item.box)]) @ item.pose[:3, :3].T + item.pose[:3, 3]
     tolerance = SEEN_TOLERANCE * float(np.ptp(item.box, axis=0).max()) / 2
@@ -115,7 +115,7 @@ def _visibility(item: RoomObject, views: Views, rng: np.random.Generator) -> tup
 
 
 def _sampled(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, 3) random points of a mesh, evenly by area, in random order."""
+    """Sample points (count, 3) of a mesh, uniform by area, in random order."""
     corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     face = rng.choice(len(corners), size=count, p=areas / areas.sum())

@@ -45,7 +45,7 @@ def row(room: Arrangement, role: str, wall: Wall, count: int, height: float = 0.
 
 
 def seats(room: Arrangement, table: RoomObject, role: str, most: int) -> list[RoomObject]:
-    """Put chairs around a table, most of them pushed under it as far as they go, some pulled out or turned away."""
+    """Put chairs around a table, most of them pushed under it, some pulled out or turned away."""
     rng = room.rng
     mesh = room.draw(role)
     mixed = happens(rng, 0.2)

@@ -27,7 +27,7 @@ class Occupancy:
         self._cells = np.zeros(tuple(shape), dtype=np.bool_)
 
     def fits(self, points: np.ndarray, lift: float = 0.02) -> bool:
-        """Whether no voxel under surface points (N, 3) (room, metres) is taken and all lie in the room.
+        """Test whether surface points (N, 3) (room, metres) lie in free voxels inside the room.
 
         Points lower than `lift` above the lowest are left out: they touch what they stand on.
         """
@@ -48,7 +48,7 @@ class Occupancy:
         return float(taken[0] * CELL) if len(taken) else most
 
     def free_floor(self, low: float, high: float) -> np.ndarray:
-        """(N, 2) places (x, z) on the floor whose columns are free between two heights, and 30 cm around."""
+        """Return places (N, 2) (x, z) on the floor, free between two heights and 30 cm around."""
         first, last = int(low / CELL), int(high / CELL)
         taken = self._cells[:, first:last].any(axis=1)
         reach = 2 * int(0.3 / CELL) + 1

@@ -95,7 +95,7 @@ class RoomPack:
         return len(self.scanner)
 
     def room(self, index: int) -> tuple[np.ndarray, np.ndarray, slice]:
-        """Points (N, 3) float32 in metres, their instances (N,), and the rows of the room's objects."""
+        """Return points (N, 3) float32 in metres, their instances (N,), and the rows of the room's objects."""
         rows = slice(int(self.point_offsets[index]), int(self.point_offsets[index + 1]))
         objects = slice(int(self.object_offsets[index]), int(self.object_offsets[index + 1]))
         return self.points[rows].astype(np.float32) * np.float32(UNIT), self.instance[rows], objects

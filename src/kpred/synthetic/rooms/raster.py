@@ -57,7 +57,7 @@ def render_frame(vertices, faces, pose, focal, width, height):
 @numba.njit(cache=True)
 @no_type_check
 def _clipped(local, face, corners):
-    """Cut a triangle off at the near plane; return how many of `corners` (4, 3) hold the polygon that is left."""
+    """Clip a triangle at the near plane; return how many of `corners` (4, 3) hold the polygon."""
     count = 0
     for n in range(3):
         a, b = face[n], face[(n + 1) % 3]

@@ -43,7 +43,7 @@ class RoomObject:
         return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
 
     def placed_vertices(self) -> np.ndarray:
-        """(V, 3) vertices in the room's frame, metres."""
+        """Return the vertices (V, 3) in the room's frame, metres."""
         vertices = np.asarray(self.mesh.vertices, dtype=np.float64)
         return np.asarray(vertices @ self.pose[:3, :3].T + self.pose[:3, 3])
 

@@ -42,7 +42,7 @@ class Views:
     far: float
 
     def sees(self, places: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
-        """(N,) bool: whether surface at places (N, 3; world, metres) would have been seen, up to (N,) tolerances."""
+        """Test (N,) whether surface at places (N, 3; world, metres) would be visible, up to tolerances (N,)."""
         seen, _ = count_views(
             places.astype(np.float64),
             self.poses,
@@ -145,7 +145,7 @@ def scan_room(room: Room, scanner: str, rng: np.random.Generator) -> RoomScan:
 def _open_view(
     room: Room, surfaces: tuple[np.ndarray, np.ndarray], pose: np.ndarray, setting: _Setting, rng: np.random.Generator
 ) -> np.ndarray:
-    """(1, 4, 4) pose that sees enough: the given one, or another where the camera stands before or in something."""
+    """Return a pose (1, 4, 4) that sees enough: the given one, or another where it is blocked."""
     best, most, tried = pose, -1.0, pose
     for _ in range(VIEW_TRIES):
         depth, _ = render_frame(*surfaces, tried[0], setting.focal / 4, setting.width // 4, setting.height // 4)
@@ -168,7 +168,7 @@ def _poses(room: Room, scanner: str, rng: np.random.Generator) -> np.ndarray:
 
 
 def _uneven(points: np.ndarray, setting: _Setting, rng: np.random.Generator) -> np.ndarray:
-    """Fused points (N, 3) off the pattern of their cells, rough, and in a room that is bent a little."""
+    """Disturb fused points (N, 3): off their grid, rough, and slightly bent."""
     noise = rng.standard_normal(points.shape) * setting.rough
     noise += (rng.random(points.shape) - 0.5) * 0.7 * setting.cell * (rng.random(points.shape) < 0.7)
     for _ in range(3):
@@ -194,7 +194,7 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _kept(points: np.ndarray, poses: np.ndarray, depths: np.ndarray, setting: _Setting) -> np.ndarray:
-    """(N,) bool: fused points met more often than seen through; thin things suffer, as in a TSDF."""
+    """Return a mask (N,) of fused points hit more often than seen through; thin things suffer."""
     tolerance = np.full(len(points), CARVED)
     sensor = setting.sensor
     before, through = count_views(

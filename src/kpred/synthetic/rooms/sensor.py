@@ -33,7 +33,7 @@ class Sensor:
     dropout: float = 0.02
 
     def spread(self, depth: np.ndarray) -> np.ndarray:
-        """Standard deviation of the noise at depths (any shape), metres."""
+        """Return the standard deviation of the noise at depths (any shape), metres."""
         return np.asarray(self.noise + self.growth * np.maximum(depth - 0.4, 0.0) ** 2)
 
 

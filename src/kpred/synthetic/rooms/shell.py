@@ -95,7 +95,7 @@ def _ceiling(width: float, height: float, depth: float) -> RoomObject:
 def _opening(
     rng: np.random.Generator, length: float, height: float, others: list[_Opening], is_door: bool
 ) -> list[_Opening]:
-    """One opening that is apart from the others, or none."""
+    """Draw one opening that is apart from the others, or none."""
     wide = between(rng, 0.8, 1.0) if is_door else between(rng, 0.7, min(2.6, 0.8 * length))
     bottom, top = (0.0, between(rng, 2.0, 2.12)) if is_door else (between(rng, 0.5, 1.1), between(rng, 1.9, 2.3))
     top = min(top, height - 0.1)
@@ -108,7 +108,7 @@ def _opening(
 
 
 def _wall_parts(length: float, height: float, openings: list[_Opening]) -> list[Part]:
-    """Panels around the openings; the inner face lies at z = 0."""
+    """Build panels around the openings; the inner face lies at z = 0."""
     parts = []
     edges = sorted({-length / 2, length / 2, *(o.left for o in openings), *(o.right for o in openings)})
     for left, right in zip(edges, edges[1:], strict=False):
@@ -146,7 +146,7 @@ def _door(rng: np.random.Generator, opening: _Opening, pose: np.ndarray) -> list
 
 
 def _window(rng: np.random.Generator, opening: _Opening, pose: np.ndarray, height: float) -> list[RoomObject]:
-    """A frame without glass, which sends no light back, or with glass that does; sometimes a curtain or blinds."""
+    """Build a frame without glass (invisible to the sensor) or with glass; sometimes a curtain or blinds."""
     wide, tall = opening.right - opening.left, opening.top - opening.bottom
     middle = ((opening.left + opening.right) / 2, (opening.bottom + opening.top) / 2)
     bar, deep = between(rng, 0.04, 0.08), -between(rng, 0.04, 0.1)

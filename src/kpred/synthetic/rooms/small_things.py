@@ -15,7 +15,7 @@ Small = Callable[[np.random.Generator], list[Part]]
 
 
 def book_row(rng: np.random.Generator) -> list[Part]:
-    """Books side by side, some of them leaning."""
+    """Build a books side by side, some of them leaning."""
     parts, along = [], 0.0
     for _ in range(whole(rng, 3, 14)):
         wide, tall, deep = between(rng, 0.012, 0.05), between(rng, 0.17, 0.3), between(rng, 0.12, 0.22)
@@ -28,7 +28,7 @@ def book_row(rng: np.random.Generator) -> list[Part]:
 
 
 def book_pile(rng: np.random.Generator) -> list[Part]:
-    """Books or papers on top of each other."""
+    """Build a books or papers on top of each other."""
     parts, height = [], 0.0
     for _ in range(whole(rng, 1, 7)):
         wide, thick, deep = between(rng, 0.14, 0.24), between(rng, 0.008, 0.045), between(rng, 0.2, 0.32)
@@ -39,7 +39,7 @@ def book_pile(rng: np.random.Generator) -> list[Part]:
 
 
 def carton(rng: np.random.Generator) -> list[Part]:
-    """A box, or two on each other."""
+    """Build a box, or two on each other."""
     size = (between(rng, 0.12, 0.45), between(rng, 0.06, 0.32), between(rng, 0.12, 0.35))
     parts = [box(size, (0.0, size[1] / 2, 0.0), "box")]
     if happens(rng, 0.25):
@@ -49,7 +49,7 @@ def carton(rng: np.random.Generator) -> list[Part]:
 
 
 def monitor(rng: np.random.Generator) -> list[Part]:
-    """A screen on a foot."""
+    """Build a screen on a foot."""
     wide, tall, lift = between(rng, 0.36, 0.7), between(rng, 0.24, 0.4), between(rng, 0.06, 0.18)
     parts = [box((wide, tall, between(rng, 0.02, 0.06)), (0.0, lift + tall / 2, 0.0), "screen")]
     parts.append(box((0.06, lift + 0.1, 0.03), (0.0, (lift + 0.1) / 2, -0.04), "neck"))
@@ -58,7 +58,7 @@ def monitor(rng: np.random.Generator) -> list[Part]:
 
 
 def old_monitor(rng: np.random.Generator) -> list[Part]:
-    """A deep screen, or a microwave oven, or a printer: a block with a step."""
+    """Build a deep screen, or a microwave oven, or a printer: a block with a step."""
     wide, tall, deep = between(rng, 0.3, 0.5), between(rng, 0.2, 0.42), between(rng, 0.28, 0.45)
     parts = [box((wide, tall, 0.5 * deep), (0.0, tall / 2, 0.25 * deep), "body")]
     parts.append(box((0.8 * wide, 0.7 * tall, 0.5 * deep), (0.0, 0.4 * tall, -0.25 * deep), "back"))
@@ -66,20 +66,20 @@ def old_monitor(rng: np.random.Generator) -> list[Part]:
 
 
 def keyboard(rng: np.random.Generator) -> list[Part]:
-    """A keyboard and a mouse."""
+    """Build a keyboard and a mouse."""
     parts = [box((between(rng, 0.35, 0.46), 0.025, 0.15), (0.0, 0.0125, 0.0), "keyboard")]
     return [*parts, box((0.06, 0.03, 0.1), (0.3, 0.015, between(rng, -0.03, 0.05)), "mouse")]
 
 
 def laptop(rng: np.random.Generator) -> list[Part]:
-    """An open laptop."""
+    """Build an open laptop."""
     wide, deep = between(rng, 0.28, 0.38), between(rng, 0.2, 0.26)
     lid = box((wide, deep, 0.008), (0.0, deep / 2, 0.0), "lid").rotated("x", -between(rng, 0.0, 35.0))
     return [box((wide, 0.02, deep), (0.0, 0.01, 0.0), "base"), lid.moved((0.0, 0.02, -deep / 2))]
 
 
 def cups(rng: np.random.Generator) -> list[Part]:
-    """One to three cups, cans or bottles."""
+    """Build one to three cups, cans or bottles."""
     parts = []
     for n in range(whole(rng, 1, 3)):
         radius, tall = between(rng, 0.025, 0.05), between(rng, 0.07, 0.3)
@@ -90,21 +90,21 @@ def cups(rng: np.random.Generator) -> list[Part]:
 
 
 def telephone(rng: np.random.Generator) -> list[Part]:
-    """A telephone, or another flat device."""
+    """Build a telephone, or another flat device."""
     return [
         box((between(rng, 0.1, 0.25), between(rng, 0.03, 0.09), between(rng, 0.12, 0.25)), (0.0, 0.03, 0.0), "body")
     ]
 
 
 def pillow(rng: np.random.Generator) -> list[Part]:
-    """A cushion, leaning or lying."""
+    """Build a cushion, leaning or lying."""
     size = (between(rng, 0.35, 0.6), between(rng, 0.1, 0.18), between(rng, 0.3, 0.45))
     part = cushion(size, (0.0, size[1] / 2, 0.0), "pillow", radius=0.06)
     return [part.rotated("x", between(rng, 40.0, 75.0)) if happens(rng, 0.3) else part]
 
 
 def folded_cloth(rng: np.random.Generator) -> list[Part]:
-    """Clothes or a blanket in a heap of soft pieces."""
+    """Build a clothes or a blanket in a heap of soft pieces."""
     parts = []
     for _ in range(whole(rng, 2, 4)):
         size = (between(rng, 0.15, 0.4), between(rng, 0.04, 0.1), between(rng, 0.15, 0.35))
@@ -114,21 +114,21 @@ def folded_cloth(rng: np.random.Generator) -> list[Part]:
 
 
 def bag(rng: np.random.Generator) -> list[Part]:
-    """A standing bag."""
+    """Build a standing bag."""
     wide, tall, deep = between(rng, 0.25, 0.45), between(rng, 0.2, 0.45), between(rng, 0.1, 0.22)
     parts = [cushion((wide, tall, deep), (0.0, tall / 2, 0.0), "bag")]
     return [*parts, box((0.4 * wide, 0.12, 0.02), (0.0, tall + 0.05, 0.0), "handle")]
 
 
 def bin_(rng: np.random.Generator) -> list[Part]:
-    """A waste bin."""
+    """Build a waste bin."""
     radius, tall = between(rng, 0.1, 0.18), between(rng, 0.25, 0.45)
     narrow = 0.8 * radius
     return [cylinder(narrow, (0.0, 0.0, 0.0), (0.0, tall, 0.0), "bin", sides=12, end_radius=radius)]
 
 
 def computer(rng: np.random.Generator) -> list[Part]:
-    """A computer's case that stands on the floor."""
+    """Build a computer's case that stands on the floor."""
     size = (between(rng, 0.16, 0.22), between(rng, 0.36, 0.48), between(rng, 0.4, 0.5))
     return [box(size, (0.0, size[1] / 2, 0.0), "case")]
 

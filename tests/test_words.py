@@ -1,0 +1,136 @@
+"""Language of the code and the docs: words that have a standard one (docs/glossary.md) do not come back."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# Word -> the standard one.
+WORDS = {
+    r"share_out": "parallel_for",
+    r"as_model|as_database": "resolve_model, resolve_database",
+    r"PostgresHome|SqliteHome": "backend",
+    r"steadily": "retry_on_disconnect",
+    r"crew|ledger": "worker pool, journal",
+    r"recognis\w+": "recognize",
+    r"\w*HOPELESS\w*|hopeless": "stopped",
+    r"(?:MOST|LEAST)_[A-Z_]+": "MAX_, MIN_",
+    r"\w+_(?:SHARE|share)": "fraction",
+    r"made_by": "provenance",
+    r"judged?|judges": "score",
+    r"tells?|told": "show, report, predict, ...",
+    r"asks|asked": "query, predict, request, ...",
+    r"forgets?|forgotten": "drop, clear",
+    r"nobody|whoever|busily": "(say it plainly)",
+    r"stood_on|feet_missing": "floor contact",
+    r"floor_stub|wall_stub|end_sheet": "detect_floor, detect_wall, find_end_patch",
+}
+
+# Files that still have such words. This list only shrinks: a file without any must leave it.
+EXEMPT = {
+    "src/kpred/evaluation/metrics/reliability.py",
+    "src/kpred/evaluation/metrics/symmetry.py",
+    "src/kpred/evaluation/plots/figure.py",
+    "src/kpred/evaluation/scans/catalogue_outcomes.py",
+    "src/kpred/evaluation/scans/real_crops.py",
+    "src/kpred/evaluation/scans/scan_outcomes.py",
+    "src/kpred/evaluation/scans/scan_summaries.py",
+    "src/kpred/evaluation/scans/virtual_scans.py",
+    "src/kpred/evaluation/tables/bench.py",
+    "src/kpred/refinement/free_space.py",
+    "src/kpred/refinement/freedom.py",
+    "src/kpred/refinement/matching_cpu.py",
+    "src/kpred/refinement/structure_cpu.py",
+    "src/kpred/refinement/structure_reference.py",
+}
+
+# Function docstrings begin with a verb: none of these words.
+NO_VERBS = {
+    "A", "All", "An", "As", "Both", "Each", "Every", "For", "How", "If", "Numbers", "Of", "One", "Points", "Some",
+    "That", "The", "Those", "What", "When", "Where", "Whether", "Which", "Who",
+}  # fmt: skip
+
+# Files that still have such docstrings. This list only shrinks, too.
+EXEMPT_DOCSTRINGS = {
+    "src/kpred/evaluation/database_source.py",
+    "src/kpred/evaluation/metrics/symmetry.py",
+    "src/kpred/evaluation/plots/occlusion.py",
+    "src/kpred/evaluation/scans/catalogue_outcomes.py",
+    "src/kpred/evaluation/scans/real_crops.py",
+    "src/kpred/evaluation/scans/scan_summaries.py",
+    "src/kpred/evaluation/scans/targets.py",
+    "src/kpred/evaluation/tables/compare.py",
+    "src/kpred/evaluation/tables/pages.py",
+    "src/kpred/evaluation/tables/ranking.py",
+    "src/kpred/evaluation/tables/scan2cad_table.py",
+    "src/kpred/evaluation/tables/table.py",
+    "src/kpred/fitting/deform.py",
+    "src/kpred/fitting/stages.py",
+    "src/kpred/refinement/config.py",
+    "src/kpred/refinement/free_space.py",
+    "src/kpred/refinement/freedom.py",
+    "src/kpred/refinement/keypoints.py",
+    "src/kpred/refinement/placement.py",
+    "src/kpred/refinement/structure_basis.py",
+    "src/kpred/refinement/structure_config.py",
+    "src/kpred/refinement/structure_cpu.py",
+    "src/kpred/refinement/structure_reference.py",
+    "src/kpred/refinement/symmetry.py",
+    "src/kpred/rendering/contact_sheet.py",
+    "src/kpred/rendering/scene_picture.py",
+}
+
+
+def files() -> list[Path]:
+    """Source and documentation, but for the changelog, which names what was renamed."""
+    return [*ROOT.glob("src/**/*.py"), *ROOT.glob("docs/**/*.md"), ROOT / "README.md"]
+
+
+def relative(file: Path) -> str:
+    return file.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_words_with_a_standard_one_are_not_used(word: str) -> None:
+    pattern = re.compile(rf"(?<!\w)(?:{word})(?!\w)")
+    found = {
+        f"{relative(file)}:{number}"
+        for file in files()
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        if pattern.search(line) and relative(file) not in EXEMPT
+    }
+    assert not found, f"write {WORDS[word]}"
+
+
+def test_exempt_files_still_need_it() -> None:
+    pattern = re.compile(rf"(?<!\w)(?:{'|'.join(WORDS)})(?!\w)")
+    clean = {name for name in EXEMPT if not pattern.search((ROOT / name).read_text(encoding="utf-8"))}
+    assert not clean, "remove these from EXEMPT"
+
+
+def noun_docstrings(file: Path) -> list[str]:
+    """Functions, but no properties, whose docstring begins with a noun, an article or a clause."""
+    found = []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        is_property = any("property" in ast.unparse(decorator) for decorator in node.decorator_list)
+        words = (ast.get_docstring(node) or "").split()
+        if words and not is_property and re.sub(r"\W", "", words[0]) in NO_VERBS:
+            found.append(node.name)
+    return found
+
+
+def test_docstrings_of_functions_begin_with_a_verb() -> None:
+    found = {relative(file): noun_docstrings(file) for file in ROOT.glob("src/**/*.py")}
+    assert {name: functions for name, functions in found.items() if functions and name not in EXEMPT_DOCSTRINGS} == {}
+    assert not {name for name in EXEMPT_DOCSTRINGS if not found.get(name)}, "remove these from EXEMPT_DOCSTRINGS"
+
+
+def test_the_words_are_found_where_they_are() -> None:
+    pattern = re.compile(rf"(?<!\w)(?:{'|'.join(WORDS)})(?!\w)")
+    assert all(pattern.search(word) for word in ("MOST_POINTS", "is told", "as_model(name)", "speck_share", "judged"))
+    assert not any(pattern.search(word) for word in ("most points", "total", "resolve_model", "share", "fraction"))
