@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from kpred.database import Database, build_database
+from kpred.database.connection import create_file
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed, Model, ModelConfig, load_model, save_network
 from kpred.shapes.mesh import Mesh
@@ -195,3 +196,54 @@ def test_folders_that_killed_builds_left_are_removed_after_a_day(tmp_path):
         os.utime(tmp_path / name, (time.time() - age,) * 2)
     Database.create(tmp_path / "a.kpred").close()
     assert {item.name for item in tmp_path.iterdir()} == {".kpred-new", "a.kpred"}
+
+
+SECOND = """
+import os, sys
+sys.path.insert(0, sys.argv[3])
+import torch
+torch.set_num_threads(1)
+from test_build import POINTS, shapes
+from kpred.database import build_database, encode
+from kpred.errors import DatabaseError
+from kpred.nn import load_model
+
+encode.POINTS = POINTS
+try:
+    build_database(sys.argv[1], shapes(), load_model(sys.argv[2]), keep_empty=False)
+except DatabaseError as error:
+    print(error)
+"""
+
+
+def test_a_second_build_of_a_file_is_told_and_takes_nothing_away(tmp_path, weights, model, request):
+    path, told = tmp_path / "a.kpred", []
+
+    def second(handled):
+        if not told:
+            command = [sys.executable, "-c", SECOND, str(path), str(weights), str(request.path.parent)]
+            told.append(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+            assert path.exists()
+
+    report = build_database(path, shapes(), model, batch=2, progress=second)
+    assert told == [f"Database {path}: another process is building it; wait until that ends and try again.\n"]
+    assert report.added == COUNT - 1
+    assert [file.name for file in tmp_path.iterdir()] == ["a.kpred"]
+
+
+def test_of_two_that_make_a_file_one_is_told(tmp_path, model):
+    path = tmp_path / "a.kpred"
+    build_database(path, shapes(), model)
+    with pytest.raises(DatabaseError, match="exists already"):
+        create_file(path, "the second, which saw no file before")
+    with Database.open(path) as database:
+        assert len(database) == COUNT - 1
+    assert [file.name for file in tmp_path.iterdir()] == ["a.kpred"]
+
+
+def test_a_build_of_nothing_leaves_nothing_only_where_it_made_the_file(tmp_path, model):
+    build_database(tmp_path / "a.kpred", [], model, keep_empty=False)
+    assert list(tmp_path.iterdir()) == []
+    build_database(tmp_path / "a.kpred", [], model)
+    build_database(tmp_path / "a.kpred", [], model, keep_empty=False)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.kpred"]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from kpred.batch.task import Task
 from kpred.batch.time_limit import time_limit
 from kpred.database.address import without_password
+from kpred.parent import end_with_parent
 from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
@@ -75,6 +76,12 @@ def single_threaded() -> None:
     import torch
 
     torch.set_num_threads(1)
+
+
+def begin_worker(parent: int) -> None:
+    """Prepare a process of this machine: one thread, and it ends with the process `parent` that started it."""
+    end_with_parent(parent)
+    single_threaded()
 
 
 def fit_tasks(tasks: Sequence[Task], settings: BatchSettings, out: str, device: str = "cpu") -> list[Outcome]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol, runtime_checkable
 
 from kpred.batch.task import Task
-from kpred.batch.worker import BatchSettings, Outcome, fit_tasks, single_threaded
+from kpred.batch.worker import BatchSettings, Outcome, begin_worker, fit_tasks
 
 Group = tuple[Task, ...]
 """Tasks that one worker takes together."""
@@ -48,7 +49,7 @@ class ProcessWorkerPool:
     def _new_pool(self) -> ProcessPoolExecutor:
         # Fresh interpreters: a forked one would share locks of torch's threads.
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.size, mp_context=context, initializer=single_threaded)
+        return ProcessPoolExecutor(self.size, mp_context=context, initializer=begin_worker, initargs=(os.getpid(),))
 
     def start(self, group: Group) -> None:
         """See `WorkerPool`."""

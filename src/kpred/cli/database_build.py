@@ -61,7 +61,6 @@ class _Encoding(Command):
         if self.gpus_per_worker and self.ray is None:
             raise UsageError("--gpus-per-worker needs --ray (auto, local or an address)")
         unreadable: list[str] = []
-        is_new = not Database.exists(file)
         model = load_model(self.model)
         check = ModelCheck(model.recognizer, self.up)
         shapes = check.watch(open_shapes(source, self.category, self.split, report=unreadable.append))
@@ -83,16 +82,12 @@ class _Encoding(Command):
                     with Database.open(file) as database:
                         database.prepare_search(lambda done, total: bar.update("preparing search", done, total))
         except BaseException as error:
-            if is_new:
-                _drop_if_empty(file)
             if isinstance(error, KeyboardInterrupt) and resume and Database.exists(file):
                 raise KeyboardInterrupt(f"{masked(file)} is whole, and the same command goes on with it") from error
             raise
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
         there = report.skipped_present + report.replaced + len(report.changed)
         if not report.added and not there:
-            if is_new:
-                _drop_if_empty(file)
             why = left_out[0] if left_out else "no shape of that category and split is there"
             raise DatabaseError(f"{source}: nothing could be put into {masked(file)}; {why}")
         facts = {"path": masked(file), "added": report.added, "present": report.skipped_present, "left_out": left_out}
@@ -180,17 +175,3 @@ class AddCommand(_Encoding):
         if not Database.exists(self.file):
             raise DatabaseError(f"{masked(self.file)}: there is no such database; `kpred database build` makes one.")
         self.encode(output, self.source, self.file, resume=True)
-
-
-def _drop_if_empty(place: str) -> None:
-    """Take back a file that was made for a build which then put nothing into it; a server's tables stay."""
-    from kpred.database import Database
-    from kpred.errors import DatabaseError
-
-    try:
-        with Database.open(place, read_only=True) as database:
-            file, empty = database.path, not len(database)
-    except DatabaseError:
-        return
-    if empty and isinstance(file, Path):
-        file.unlink(missing_ok=True)

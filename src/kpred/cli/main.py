@@ -1,6 +1,7 @@
 """The command `kpred`: finds the command, parses its options, and turns errors into one sentence and an exit code.
 
-Exit codes: 0 done, 1 an error that the sentence on standard error explains, 2 wrong use, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 an error that the sentence on standard error explains, 2 wrong use, 130 stopped by Ctrl-C, 143 by
+SIGTERM, 129 by SIGHUP.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
 from kpred._version import __version__
+from kpred.cli.stopping import report_stop, stopped_by_signals
 from kpred.cli.usage import UsageError
 from kpred.errors import KpredError
 
@@ -55,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     try:
-        with warnings.catch_warnings():
+        with stopped_by_signals(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
             if not debug:
                 warnings.simplefilter("ignore", DeprecationWarning)
@@ -64,8 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt as error:
-        print(f"kpred: stopped by Ctrl-C{f'; {error}' if error.args else ''}", file=sys.stderr)
-        return INTERRUPTED
+        return report_stop(error)
     except BrokenPipeError:
         # The reader of a pipe has gone: what is still in the buffer is of no use, and must not fail again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from kpred.database.encode import prepare_mesh
 from kpred.database.encoders import Batch, Encoder, ProcessEncoder, SerialEncoder
 from kpred.database.entry import Entry
 from kpred.errors import DatabaseError, MeshError
+from kpred.locks import exclusive
 from kpred.nn import KPRed
 from kpred.shapes.mesh import Mesh, clean_mesh, mesh_hash
 from kpred.shapes.source import Shape
@@ -59,6 +61,7 @@ def build_database(
     workers: int = 1,
     encoder: Encoder | None = None,
     update: bool = False,
+    keep_empty: bool = True,
 ) -> BuildReport:
     """Encode shapes (model id, category, split, mesh, ...) and put them into the database at `path`.
 
@@ -79,22 +82,29 @@ def build_database(
         workers: processes that encode, one thread each; 1 is this process alone, with its threads. The content of the
             database does not depend on it, but for the last digits of sums.
         update: replace models that are in the file with another mesh or other details; else they are kept and listed.
+        keep_empty: keep a file that this build made and put nothing into.
         encoder: who encodes instead, such as the workers of a cluster (`kpred.batch.ray_encoder`); it is not closed.
 
     Raises:
-        DatabaseError: the file is not a database, was made by other weights, is locked or cannot be written.
+        DatabaseError: the file is not a database, was made by other weights, is locked, is being built by another
+            process, or cannot be written.
     """
     if batch < 1 or workers < 1:
         raise DatabaseError(
             f"Database {path}: a build needs at least 1 model a batch and 1 worker, not {batch}, {workers}."
         )
-    if encoder is not None:
-        return _built(path, shapes, model, _Plan(batch, seed, update), resume, progress, encoder)
-    own: Encoder = SerialEncoder(model) if workers == 1 else ProcessEncoder(model, workers)
+    own: Encoder | None = None
+    if encoder is None:
+        own = encoder = SerialEncoder(model) if workers == 1 else ProcessEncoder(model, workers)
     try:
-        return _built(path, shapes, model, _Plan(batch, seed, update), resume, progress, own)
+        with _alone(path):
+            plan = _Plan(batch, seed, update)
+            return _built(
+                path, lambda found: _Build(found, model, plan, progress, encoder).run(shapes), resume, keep_empty
+            )
     finally:
-        own.close()
+        if own is not None:
+            own.close()
 
 
 @dataclass(frozen=True)
@@ -104,28 +114,63 @@ class _Plan:
     update: bool
 
 
+@contextmanager
+def _alone(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Let one process at a time build a file; a server takes several, and each model once."""
+    if is_address(path):
+        yield
+        return
+    file = Path(path)
+    with explained(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+    busy = DatabaseError(f"Database {file}: another process is building it; wait until that ends and try again.")
+    with exclusive(file.with_name(f".{file.name}.lock"), busy):
+        yield
+
+
 def _built(
-    path: str | os.PathLike[str],
-    shapes: Iterable[Shape | tuple[str, str, str, Mesh]],
-    model: Mapping[str, KPRed],
-    plan: _Plan,
-    resume: bool,
-    progress: Callable[[int], None] | None,
-    encoder: Encoder,
+    path: str | os.PathLike[str], run: Callable[[Database], BuildReport], resume: bool, keep_empty: bool
 ) -> BuildReport:
+    """Run a build in the database at a place, or in a new file that takes this place at the end."""
     there = Database.exists(path)
     if resume or not there:
-        with Database.open(path) if there else Database.create(path) as database:
-            return _Build(database, model, plan, progress, encoder).run(shapes)
+        try:
+            with _opened(path, there) as database:
+                return run(database)
+        finally:
+            if not (there or keep_empty or is_address(path)):
+                _drop_if_empty(Path(path))
     if is_address(path):
         raise DatabaseError(f"Database {path} is on a server and cannot be built anew; drop its schema kpred first.")
     target = Path(path)
     check_replaceable(target)
     with explained(target), tempfile.TemporaryDirectory(prefix=".kpred-", dir=target.parent) as folder:
         with Database.create(Path(folder) / target.name) as database:
-            report = _Build(database, model, plan, progress, encoder).run(shapes)
+            report = run(database)
         os.replace(Path(folder) / target.name, target)
     return report
+
+
+def _opened(path: str | os.PathLike[str], there: bool) -> Database:
+    """Open the database at a place, or make it; one that another process makes meanwhile is opened."""
+    if there:
+        return Database.open(path)
+    try:
+        return Database.create(path)
+    except DatabaseError:
+        if not Database.exists(path):
+            raise
+        return Database.open(path)
+
+
+def _drop_if_empty(file: Path) -> None:
+    try:
+        with Database.open(file, read_only=True) as database:
+            empty = not len(database)
+    except DatabaseError:
+        return
+    if empty:
+        file.unlink(missing_ok=True)
 
 
 class _Build:

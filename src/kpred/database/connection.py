@@ -28,8 +28,8 @@ _ABANDONED = 86_400.0
 _MAGIC = b"SQLite format 3\0"
 
 
-def create_file(path: Path, created_by: str) -> None:
-    """Create an empty database with all tables at `path`, atomically."""
+def create_file(path: Path, created_by: str, overwrite: bool = False) -> None:
+    """Create an empty database with all tables at `path`, atomically; another file stays unless told otherwise."""
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(path.parent)
@@ -48,7 +48,20 @@ def create_file(path: Path, created_by: str) -> None:
                     connection.execute(InfoRow.__table__.insert(), rows)  # type: ignore[attr-defined]
             finally:
                 engine.dispose()
-            os.replace(temporary, path)
+            if overwrite:
+                os.replace(temporary, path)
+            else:
+                _place(temporary, path)
+
+
+def _place(temporary: Path, path: Path) -> None:
+    """Give a file its name, unless another process has made a file of that name. Raises DatabaseError."""
+    try:
+        os.link(temporary, path)
+    except FileExistsError as error:
+        raise DatabaseError(f"Database {path} exists already; open it, or choose another name.") from error
+    except OSError:  # a file system without links
+        os.replace(temporary, path)
 
 
 def remove_abandoned(folder: Path) -> None:

@@ -85,7 +85,7 @@ class Database:
         file = Path(path)
         if file.exists() and not overwrite:
             raise DatabaseError(f"Database {file} exists already; open it, or choose another name.")
-        create_file(file, __version__)
+        create_file(file, __version__, overwrite)
         return cls(SqliteBackend(file, False, timeout))
 
     @staticmethod

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import multiprocessing
+import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -15,6 +16,7 @@ from kpred.database.encode import PreparedMesh, encode_prepared
 from kpred.database.entry import Entry
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+from kpred.parent import end_with_parent
 
 Batch = list[tuple[PreparedMesh, dict[str, str]]]
 """Meshes with their metadata."""
@@ -64,7 +66,10 @@ class ProcessEncoder:
             # Fresh interpreters: a forked one would share locks of torch's threads.
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_init_worker,
-            initargs=({name: copy.deepcopy(network).cpu() for name, network in networks.items()},),
+            initargs=(
+                os.getpid(),
+                {name: copy.deepcopy(network).cpu() for name, network in networks.items()},
+            ),
         )
 
     def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
@@ -99,7 +104,8 @@ class _translate_errors:
 _networks: dict[str, KPRed] = {}
 
 
-def _init_worker(networks: dict[str, KPRed]) -> None:
+def _init_worker(parent: int, networks: dict[str, KPRed]) -> None:
+    end_with_parent(parent)
     torch.set_num_threads(1)
     _networks.update(networks)
 

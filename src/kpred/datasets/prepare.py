@@ -20,6 +20,7 @@ from kpred.datasets.check import Issue
 from kpred.datasets.dataset import Dataset, ShapeFile, found_in
 from kpred.errors import ConfigError, MeshError, OutputError, PackError
 from kpred.json_output import write_json
+from kpred.parent import end_with_parent
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.pack import MeshPack
 
@@ -134,7 +135,8 @@ def _outcomes(shapes: Sequence[ShapeFile], cache: Path, workers: int) -> Iterato
         return
     # Threads of libraries that were used before do not survive a fork.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(shapes)), mp_context=context) as pool:
+    size = min(workers, len(shapes))
+    with ProcessPoolExecutor(size, context, initializer=end_with_parent, initargs=(os.getpid(),)) as pool:
         waiting: dict[Future[_Outcome], int] = {}
         try:
             for index, shape in enumerate(shapes):

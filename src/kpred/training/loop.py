@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,6 +17,7 @@ from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
 from kpred.training.distributed import SINGLE, StopAllProcesses, World
+from kpred.training.run_folder import run_folder
 from kpred.training.stages import STAGE_CLASSES
 
 GRADIENT_NORM = 1.0
@@ -115,8 +117,22 @@ def optimise(
         world: the processes that train together, each with batches of its own: a step's gradient is their mean.
 
     Raises:
-        OutputError: if the folder cannot be written.
+        OutputError: if the folder cannot be written, or another training runs in it.
     """
+    with run_folder(folder) if world.is_first else nullcontext():
+        return _optimise(work, checkpoint, folder, device, stream, report if world.is_first else None, log, world)
+
+
+def _optimise(
+    work: Work,
+    checkpoint: Checkpoint | None,
+    folder: Path,
+    device: torch.device,
+    stream: int,
+    report: StepReport | None,
+    log: bool,
+    world: World,
+) -> bool:
     network, config, stage = work.network, work.config, work.name
     path = folder / f"{stage}.checkpoint"
     if checkpoint is None:
@@ -131,7 +147,6 @@ def optimise(
         first = checkpoint.step
 
     total = work.settings.steps
-    report = report if world.is_first else None
     writer = _writer(folder / "log") if log and first < total and world.is_first else None
     network.train()
     # What an interrupt may save: the random state that belongs to `done`, and whether the weights are in mid-update.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from kpred.errors import CheckpointError, ConfigError, OutputError
+from kpred.errors import CheckpointError, ConfigError
 from kpred.json_output import write_json
 from kpred.nn import STAGES, KPRed, ModelConfig, load_model
 from kpred.shapes.pack import MeshPack
@@ -19,6 +19,7 @@ from kpred.training.config import TrainConfig
 from kpred.training.data import Progress, prepare
 from kpred.training.distributed import SINGLE, World
 from kpred.training.loop import StepReport, train_stage
+from kpred.training.run_folder import run_folder
 
 
 def new_network(config: ModelConfig, seed: int) -> KPRed:
@@ -54,7 +55,7 @@ def train(
         ConfigError: if a stage does not exist, or one between two others is left out.
         CheckpointError: if an earlier stage was never trained in this folder, or its checkpoint does not fit.
         PackError: if the packs hold too few shapes.
-        OutputError: if the folder cannot be made or written.
+        OutputError: if the folder cannot be made or written, or another training runs in it.
     """
     unknown = set(stages) - set(STAGES)
     if unknown:
@@ -77,16 +78,16 @@ def train(
             )
         network.load_state_dict(checkpoint.weights)
     network.to(device)
-    with _made(folder) if world.is_first else nullcontext():
+    with run_folder(folder) if world.is_first else nullcontext():
         data = world.broadcast(
             lambda: prepare(list(packs), network, config.points, config.seed, device, source_split, progress), device
         )
-    for stage in order:
-        if stage in stages:
-            train_stage(network, data, config, stage, folder, report=report, resume=resume, world=world)
-    shapes = {"packs": [len(pack) for pack in packs], "sources": len(data.sources), "targets": len(data.targets)}
-    if world.is_first:
-        _record(folder, model_config, config, wanted, start_from, shapes, world.size)
+        for stage in order:
+            if stage in stages:
+                train_stage(network, data, config, stage, folder, report=report, resume=resume, world=world)
+        shapes = {"packs": [len(pack) for pack in packs], "sources": len(data.sources), "targets": len(data.targets)}
+        if world.is_first:
+            _record(folder, model_config, config, wanted, start_from, shapes, world.size)
     return network
 
 
@@ -111,23 +112,6 @@ def _take_over(network: KPRed, name: str | os.PathLike[str]) -> None:
             module.load_state_dict(weights)
         elif part not in STAGES["partial"]:
             raise ConfigError(f"{name}: its {part} is of another architecture; give the model settings that it has.")
-
-
-@contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """Make the run folder before the work that comes first takes its minutes; take it back if that work fails."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"Cannot make the run folder {folder}: {error.strerror}; choose another.") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise OutputError(f"Cannot write into the run folder {folder}; change its permissions or choose another.")
-    try:
-        yield
-    except BaseException:
-        with suppress(OSError):
-            folder.rmdir()  # only an empty one goes
-        raise
 
 
 def _record(
