@@ -302,7 +302,7 @@ def test_parts_without_a_sample_are_carried_along(cases):
     sampled = case.model.parts != back
     arrays = case.model.points[sampled], case.model.parts[sampled], case.model.normals[sampled]
     model = StructureModel.of(case.structure, *arrays, StructureConfig())
-    goal = case.scan(stretched(case.vertices))
+    goal = np.ascontiguousarray(stretched(arrays[0]), dtype=np.float32)
     found = fit_structure(
         model, stretched(arrays[0]), Evidence(goal, lambda places: np.ones(len(places))), StructureConfig()
     )
