@@ -1,5 +1,7 @@
 """A model of the database seen from one side: where it is known what was seen, it comes back first and undeformed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -94,3 +96,19 @@ def test_some_models_of_the_database_scanned_from_one_side_return_themselves() -
                 off = np.abs(fit.mesh.vertices - entry.mesh.vertices).max()
                 itself += off < 0.05 * np.ptp(entry.mesh.vertices, axis=0).max()
     assert itself >= 3
+
+
+def test_own_sizes_tell_twins_apart() -> None:
+    """Of two models of one shape and two sizes, the one in the scan's own size comes first, undeformed."""
+    database = as_database(None)
+    name = database.model_ids("chair")[5]
+    entry = database.entry(name)
+    _, surface, view = _view(entry)
+    twins = replace(_candidates(database, "chair", [name, name], view), scales=np.array([0.8, 1.0]) * entry.frame.scale)
+    visibility = _true_visibility(surface, view)
+    found = deform_candidates(twins, visibility, unit=entry.frame.scale)
+    assert rank_candidates(found)[0] == 1
+    assert found.explanations[1].step == "none"
+    np.testing.assert_allclose(found.explanations[1].placement.size, 1.0, atol=1e-6)
+    unknown = deform_candidates(twins, visibility, unit=None)
+    assert unknown.explanations[0].score == unknown.explanations[1].score

@@ -22,6 +22,7 @@ class Candidates:
         point_basis: (M, N, K): deformed points are points + point_basis @ (target keypoints - keypoints).
         point_parts: (M, N) int16, part of its model that each point lies on.
         point_normals: (M, N, 3) unit normals of the surface, away from the middle of the part's own box.
+        scales: (M,) half the longest side of each model's box, in its own unit.
         structures: of each model; their `vertex_parts` and `facets` are empty, `Database.entry` has them.
     """
 
@@ -32,6 +33,7 @@ class Candidates:
     point_parts: Int[np.ndarray, "models points"]
     point_normals: Float[np.ndarray, "models points 3"]
     structures: tuple[Structure, ...]
+    scales: Float[np.ndarray, " models"]
 
 
 def stack_candidates(
@@ -55,4 +57,5 @@ def stack_candidates(
         point_parts=np.stack([model.point_parts for model in models]),
         point_normals=np.stack([model.point_normals for model in models]),
         structures=tuple(model.structure for model in models),
+        scales=np.array([model.scale for model in models]),
     )

@@ -35,6 +35,7 @@ class FittingArrays:
 
     Attributes:
         point_parts: (N,) int16, part of each point; point_normals: (N, 3), away from the middle of the part's box.
+        scale: half the longest side of the model's box, in its own unit.
         structure: without the arrays of vertices and faces, which are empty.
     """
 
@@ -45,6 +46,7 @@ class FittingArrays:
     point_parts: Int[np.ndarray, " points"]
     point_normals: Float[np.ndarray, "points 3"]
     structure: Structure
+    scale: float
 
 
 def read_category_names(connection: Connection) -> tuple[str, ...]:
@@ -177,7 +179,7 @@ def read_fitting_arrays(connection: Connection, model_ids: Sequence[str]) -> dic
     for chunk in chunks(model_ids):
         rows = connection.execute(
             select(ModelRow.id, ModelRow.model_id, CategoryRow.name, CategoryRow.keypoint_count)
-            .add_columns(DescriptorRow.keypoints)
+            .add_columns(ModelRow.frame, DescriptorRow.keypoints)
             .join(CategoryRow, CategoryRow.id == ModelRow.category_id)
             .join(DescriptorRow, DescriptorRow.model == ModelRow.id)
             .where(ModelRow.model_id.in_(chunk))
@@ -186,11 +188,12 @@ def read_fitting_arrays(connection: Connection, model_ids: Sequence[str]) -> dic
         for row in rows:
             with of_model(row.model_id):
                 keypoints = _floats([row.keypoints], "<f4", row.keypoint_count, 3)[0].astype(np.float32)
-                found[row.model_id] = _fitting_arrays(row.name, keypoints, arrays[row.id])
+                scale = unpack_frame(row.frame).scale
+                found[row.model_id] = _fitting_arrays(row.name, keypoints, scale, arrays[row.id])
     return found
 
 
-def _fitting_arrays(category: str, keypoints: np.ndarray, arrays: dict[str, np.ndarray]) -> FittingArrays:
+def _fitting_arrays(category: str, keypoints: np.ndarray, scale: float, arrays: dict[str, np.ndarray]) -> FittingArrays:
     structure, count = unpack_structure(arrays), len(arrays["points"])
     shapes = {name: arrays[name].shape for name in ("points", "point_basis")}
     if shapes != {"points": (count, 3), "point_basis": (count, len(keypoints))}:
@@ -204,6 +207,7 @@ def _fitting_arrays(category: str, keypoints: np.ndarray, arrays: dict[str, np.n
         point_parts=arrays["point_parts"],
         point_normals=arrays["point_normals"],
         structure=structure,
+        scale=scale,
     )
 
 

@@ -41,6 +41,7 @@ class Candidates:
         keypoints: (K, 3) that the network expects of the whole object, where a network said so.
         sensors: (S, 3) where the scanner stood, where it is known.
         stopped: (C,) bool, of those that refinement did not carry to the end, if there were more than a few.
+        scales: (C,) half the longest side of each model's box in its own unit, if models have one.
         structures: of the models; point_parts: (C, N) part of each point; point_normals: (C, N, 3), outward.
     """
 
@@ -59,6 +60,7 @@ class Candidates:
     structures: tuple[Structure, ...] = ()
     point_parts: np.ndarray | None = None
     point_normals: np.ndarray | None = None
+    scales: np.ndarray | None = None
 
     def structure_model(self, row: int, config: StructureConfig) -> StructureModel:
         """Build the structure model of one row, cached in memory."""
@@ -158,6 +160,7 @@ class Candidates:
             structures=tuple(self.structures[row] for row in chosen) if self.structures else (),
             point_parts=None if self.point_parts is None else self.point_parts[chosen],
             point_normals=None if self.point_normals is None else self.point_normals[chosen],
+            scales=None if self.scales is None else self.scales[chosen],
         )
 
 
@@ -184,6 +187,7 @@ def retrieve_named(candidates: Candidates, database: Database, model_id: str) ->
         structures=arrays.structures,
         point_parts=arrays.point_parts,
         point_normals=arrays.point_normals,
+        scales=arrays.scales,
     )
 
 
@@ -216,4 +220,5 @@ def retrieve(
         structures=arrays.structures,
         point_parts=arrays.point_parts,
         point_normals=arrays.point_normals,
+        scales=arrays.scales,
     )

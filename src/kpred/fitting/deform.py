@@ -29,6 +29,14 @@ COMPARED_POINTS = 512
 FINALISTS, FINALISTS_UNSEEN = 3, 6
 """Candidates that are deformed to the end, of whole scans and of those that lack something; others are estimates."""
 
+OWN_SIZE_BONUS, EXPLAINED = 1.0, 0.08
+"""Fall of the log error that any other size than a model's own must bring, where the scan's unit is that of models and
+the model explains the scan in its own size as far as this distance, unit box: few do that are not the very thing.
+"""
+
+MAX_RESIZED = 1.3
+"""A model is tried in its own size where the size that fits is within this factor of it."""
+
 WHOLE = 0.95
 """Mean visibility from which on a scan counts as whole where candidates are compared."""
 
@@ -101,30 +109,47 @@ def deform_candidates(
     refinement: RefineConfig | None = None,
     structure: StructureConfig | None = None,
     floor: float | None = None,
+    unit: float | None = None,
 ) -> Deformed:
     """Deform every candidate to its scan, as far as `deform` allows and the scan demands.
 
     Args:
         candidates: retrieved; visibility: of places around the scan; floor: its height, scan's unit box.
         refinement: of keypoints, for `free`; structure: settings of the structure-keeping fit.
+        unit: half the longest side of the scan's unit box, in the unit of the models' own sizes; None: not known.
     """
-    work = _Work(candidates, visibility, structure or StructureConfig(), floor)
+    work = _Work(candidates, visibility, structure or StructureConfig(), floor, unit)
     if deform in ("paper", "free"):
         explanations = work.smooth(deform, refinement or RefineConfig())
     elif deform in ("none", "scale"):
-        explanations = [work.simple(row, placed, deform) for row, placed in enumerate(work.placements)]
+        explanations = [work.simple(row, deform) for row in range(len(candidates.model_ids))]
     else:
         explanations = work.structured(simplest=deform == "auto")
     seen = float(np.mean([one.distances.seen for one in explanations]))
     return Deformed(candidates, visibility, tuple(explanations), seen)
 
 
+@dataclass(frozen=True)
+class _Placements:
+    """Placements of one undeformed model: in its own size, if that is about the scan's; in one size; per axis."""
+
+    own: Placement | None
+    fitted: Placement
+    per_axis: Placement
+
+
 class _Work:
     """What all candidates of one hypothesis are deformed with."""
 
     def __init__(
-        self, candidates: Candidates, visibility: Visibility, config: StructureConfig, floor: float | None
+        self,
+        candidates: Candidates,
+        visibility: Visibility,
+        config: StructureConfig,
+        floor: float | None,
+        unit: float | None,
     ) -> None:
+        self.unit = unit
         self.candidates, self.visibility, self.config = candidates, visibility, config
         self.goal = np.ascontiguousarray(candidates.target.numpy())
         self.few = np.ascontiguousarray(self.goal[:: max(1, len(self.goal) // PLACED_POINTS)])
@@ -136,11 +161,22 @@ class _Work:
         self.hidden = [self._hidden(row) for row in range(len(self.points))]
         self.placements = _each(self._placements, len(self.points))
 
-    def simple(self, row: int, placed: tuple[Placement, Placement], step: Literal["none", "scale"]) -> Explanation:
-        """The undeformed model, in one size or in one size per axis."""
-        placement = placed[0 if step == "none" else 1]
+    def simple(self, row: int, step: Literal["none", "scale"]) -> Explanation:
+        """The undeformed model, in its own size or the size that fits, or in one size per axis."""
+        placed = self.placements[row]
+        if step == "scale":
+            return self._undeformed(row, step, placed.per_axis)
+        fitted = self._undeformed(row, step, placed.fitted)
+        if placed.own is None:
+            return fitted
+        own = self._undeformed(row, step, placed.own)
+        if own.distances.log_error() > 2 * np.log(EXPLAINED):
+            return min(own, fitted, key=lambda one: one.score)
+        return min(replace(own, score=own.score - OWN_SIZE_BONUS), fitted, key=lambda one: one.score)
+
+    def _undeformed(self, row: int, step: Step, placement: Placement) -> Explanation:
         moved = placement(self.points[row]).astype(np.float32)
-        return self._explanation(row, step, lambda model: placement(model.points), moved, placed[0])
+        return self._explanation(row, step, lambda model: placement(model.points), moved, placement)
 
     def smooth(self, step: Literal["free", "paper"], config: RefineConfig) -> list[Explanation]:
         """All candidates as their keypoints deform them, refined or as the network puts them."""
@@ -148,7 +184,7 @@ class _Work:
         results, found = moved.deformed().numpy(), []
         for row, placed in enumerate(self.placements):
             displacement = moved.displacement[row].numpy().astype(np.float64)
-            found.append(self._explanation(row, step, _keypoint_map(displacement), results[row], placed[0]))
+            found.append(self._explanation(row, step, _keypoint_map(displacement), results[row], placed.fitted))
         stopped = torch.zeros(len(found), dtype=torch.bool) if moved.stopped is None else moved.stopped
         return [replace(one, final=not bool(stop)) for one, stop in zip(found, stopped, strict=True)]
 
@@ -157,9 +193,7 @@ class _Work:
         count = len(self.points)
         undeformed: list[list[Explanation]] = [[] for _ in range(count)]
         if simplest:
-            undeformed = _each(
-                lambda row: [self.simple(row, self.placements[row], step) for step in ("none", "scale")], count
-            )
+            undeformed = _each(lambda row: [self.simple(row, step) for step in ("none", "scale")], count)
         quick = _each(lambda row: self._structured(row, self.config.quick(), self._begin(row)), count)
         best = [min([*undeformed[row], quick[row]], key=lambda one: one.score) for row in range(count)]
         seen = float(np.mean([one.distances.seen for one in best]))
@@ -179,7 +213,7 @@ class _Work:
     def _begin(self, row: int) -> np.ndarray:
         """Where a model's points are first matched: the keypoints' place where parts are unseen, else its own shape."""
         if self.visibility.grid is None or not self.candidates.partial:
-            begun: np.ndarray = self.placements[row][1](self.points[row]).astype(np.float32)
+            begun: np.ndarray = self.placements[row].per_axis(self.points[row]).astype(np.float32)
             return begun
         return self.start[row]
 
@@ -188,7 +222,7 @@ class _Work:
         found = fit_structure(model, start, self.evidence, config)
         moved = model.moved(found)
         one = self._explanation(
-            row, "structure", lambda points: found(points.points, points.parts), moved, self.placements[row][0]
+            row, "structure", lambda points: found(points.points, points.parts), moved, self.placements[row].fitted
         )
         return replace(one, structure=found)
 
@@ -222,18 +256,30 @@ class _Work:
         hidden: np.ndarray = 1.0 - self.visibility(self.start[row] + OUTSIDE * self.models[row].normals)
         return hidden
 
-    def _placements(self, row: int) -> tuple[Placement, Placement]:
-        """The undeformed model in one size, and in one size per axis."""
+    def _placements(self, row: int) -> _Placements:
+        """Place the undeformed model in its own size, in one size, and in one size per axis."""
         every = max(1, len(self.points[row]) // PLACED_POINTS)
         points = np.ascontiguousarray(self.points[row][::every])
         begun = points if not self.candidates.partial else self.start[row][::every]
         visible = self.visibility(begun + OUTSIDE * self.models[row].normals[::every])
-        placed = Placement.identity()
-        found = []
-        for per_axis in (False, True):
-            placed = fit_placement(points, placed, self.few, visible, per_axis=per_axis, free_yaw=False, expected=begun)
-            found.append(placed)
-        return found[0], found[1]
+        start = Placement.identity()
+        fitted = fit_placement(points, start, self.few, visible, per_axis=False, free_yaw=False, expected=begun)
+        per_axis = fit_placement(points, fitted, self.few, visible, per_axis=True, free_yaw=False, expected=begun)
+        return _Placements(self._own_size(row, points, fitted, visible, begun), fitted, per_axis)
+
+    def _own_size(
+        self, row: int, points: np.ndarray, fitted: Placement, visible: np.ndarray, begun: np.ndarray
+    ) -> Placement | None:
+        """Place a model in its own size, where that is about the scan's."""
+        if self.unit is None or self.candidates.scales is None:
+            return None
+        size = np.full(3, float(self.candidates.scales[row]) / self.unit)
+        if not 1 / MAX_RESIZED < size[0] / float(fitted.size.mean()) < MAX_RESIZED:
+            return None
+        start = replace(fitted, size=size)
+        return fit_placement(
+            points, start, self.few, visible, per_axis=False, free_yaw=False, free_size=False, expected=begun
+        )
 
 
 def _keypoint_map(displacement: np.ndarray) -> Deformation:

@@ -129,6 +129,7 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
             refinement=options.refinement,
             structure=options.structure,
             floor=aligned.floor(cloud, options),
+            unit=None if options.known else aligned.best.frame.scale,
         )
     with timer("select"):
         order = rank_candidates(deformed)

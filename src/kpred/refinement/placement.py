@@ -9,7 +9,7 @@ import numpy as np
 from kpred.ops.typing import Float
 from kpred.refinement.placement_cpu import place_rounds
 
-ROBUST, MIN_SCALE = 400.0, 1e-4
+ROBUST, MIN_SCALE = 1600.0, 1e-4
 """Points farther than 20 times the median distance count less and less; least squared distance that counts as one."""
 
 
@@ -55,7 +55,7 @@ def fit_placement(
     free_yaw: bool,
     free_size: bool = True,
     expected: Float[np.ndarray, "points 3"] | None = None,
-    rounds: int = 6,
+    rounds: int = 8,
 ) -> Placement:
     """Place an undeformed model so that its seen surface and the scan lie closest, both ways; unit boxes.
 
