@@ -107,8 +107,8 @@ def fit_task(
     """
     from kpred.atomic import write_together
     from kpred.errors import KpredError, OutputError, ScanError
+    from kpred.fitting.export import result_writers
     from kpred.fitting.pipeline import fit
-    from kpred.shapes.mesh_io import write_mesh
 
     if task.path is None or task.problem:
         return Outcome(task.name, None, task.problem or "no file is named")
@@ -144,7 +144,7 @@ def fit_task(
         # The record comes last: where it is, the scan is done.
         writers: dict[Path, Callable[[Path], object]] = {}
         if mesh:
-            writers[Path(out, mesh)] = lambda file: write_mesh(file, found.mesh)
+            writers |= result_writers(found, Path(out, mesh))
         writers[place] = lambda file: file.write_text(text, encoding="utf-8")
         write_together(writers)
     except OutputError as error:

@@ -46,6 +46,8 @@ class _Encoding(Command):
     gpus_per_worker: Annotated[float, arg(metavar="FRACTION")] = 0.0
     """Fraction of a GPU that each worker on Ray takes (0.25: four share one); its networks then run there"""
 
+    appearance: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Keep no materials, textures, names and UVs of OBJ and glTF files, so that the database is smaller"""
     update: Annotated[bool, arg(help_behavior_hint="")] = False
     """Replace models that the database holds with another mesh or other details; else they are kept and named"""
 
@@ -63,7 +65,7 @@ class _Encoding(Command):
         unreadable: list[str] = []
         model = load_model(self.model)
         check = ModelCheck(model.recognizer, self.up)
-        shapes = check.watch(open_shapes(source, self.category, self.split, report=unreadable.append))
+        shapes = check.watch(open_shapes(source, self.category, self.split, unreadable.append, self.appearance))
         try:
             with self._cluster(model) as encoder, ProgressBar() as bar:
                 report = build_database(

@@ -42,7 +42,8 @@ def check_output(
     if any(file.exists() and scan.exists() and file.samefile(scan) for file in _files(path)):
         raise OutputError(f"Cannot write {path}: it would overwrite the scan {scan}; choose another name.")
     if not overwrite:
-        check_foreign(path.with_suffix(".json"), [*_files(path)[1 : 3 if picture else 2], *more])
+        beside = [path.with_suffix(".mtl")] if path.suffix.lower() == ".obj" else []
+        check_foreign(path.with_suffix(".json"), [*_files(path)[1 : 3 if picture else 2], *beside, *more])
 
 
 def check_foreign(record: Path, files: Sequence[Path]) -> None:
@@ -83,7 +84,7 @@ def write_files(
         OutputError: a file cannot be written there.
     """
     from kpred.atomic import write_together
-    from kpred.shapes import write_mesh
+    from kpred.fitting.export import result_writers
 
     mesh_file, record_file, picture_file = _files(path)
     record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
@@ -91,7 +92,7 @@ def write_files(
     with TemporaryDirectory(prefix="kpred-") as folder:
         scratch = Path(folder) / "picture.png"
         writers: dict[Path, Callable[[Path], object]] = {
-            mesh_file: lambda file: write_mesh(file, fit.mesh),
+            **result_writers(fit, mesh_file),
             record_file: lambda file: file.write_text(text, encoding="utf-8"),
         }
         if picture and _drawn(fit, scan, scratch):

@@ -15,11 +15,11 @@ from kpred.database.connection import check_replaceable, explained
 from kpred.database.database import Database
 from kpred.database.encode import prepare_mesh
 from kpred.database.encoders import Batch, Encoder, ProcessEncoder, SerialEncoder
-from kpred.database.entry import Entry
+from kpred.database.entry import APPEARANCE, Entry
 from kpred.errors import DatabaseError, MeshError
 from kpred.locks import exclusive
 from kpred.nn import KPRed
-from kpred.shapes.mesh import Mesh, clean_mesh, mesh_hash
+from kpred.shapes.mesh import Mesh, clean_mesh_rows, mesh_hash
 from kpred.shapes.source import Shape
 
 CONTENT = "content"
@@ -196,6 +196,7 @@ class _Build:
         self.seen = set(database.model_ids())
         self.present = frozenset(self.seen)
         self.done: set[str] = set()
+        self.appearances: dict[str, bytes] = {}
         self.waiting: dict[str, Batch] = {}
 
     def run(self, shapes: Iterable[Shape | tuple[str, str, str, Mesh]]) -> BuildReport:
@@ -227,14 +228,19 @@ class _Build:
             self.report.failed.append((model_id, f"the model knows no category {shape.category!r}"))
             return
         try:
-            content = mesh_hash(clean_mesh(replace(shape.mesh, name=model_id)))
-            metadata = {**shape.details, "split": shape.split, CONTENT: content}
+            mesh, kept = clean_mesh_rows(replace(shape.mesh, name=model_id))
+            metadata = {**shape.details, "split": shape.split, CONTENT: mesh_hash(mesh)}
+            appearance = None if shape.appearance is None else shape.appearance.reindexed(kept)
+            if appearance is not None:
+                metadata[APPEARANCE] = appearance.digest()
             if is_present and self._is_kept(shape, metadata):
                 return
             prepared = prepare_mesh(shape.mesh, model_id, self.plan.seed)
         except MeshError as error:
             self.report.failed.append((model_id, str(error)))
             return
+        if appearance is not None:
+            self.appearances[model_id] = appearance.pack()
         self.waiting.setdefault(shape.category, []).append((prepared, metadata))
 
     def _is_kept(self, shape: Shape, metadata: Mapping[str, str]) -> bool:
@@ -243,7 +249,8 @@ class _Build:
         content = known.get(CONTENT) or mesh_hash(self.database.entry(shape.model_id).mesh)
         is_same = content == metadata[CONTENT]
         details = {key: value for key, value in known.items() if key not in (CONTENT, "split")}
-        if self.plan.update and not (is_same and details == dict(shape.details)):
+        wanted = {key: value for key, value in metadata.items() if key not in (CONTENT, "split")}
+        if self.plan.update and not (is_same and details == wanted):
             return False
         if is_same:
             self.report.skipped_present += 1
@@ -269,7 +276,7 @@ class _Build:
             except DatabaseError as error:
                 self.report.failed.append((entry.model_id, str(error)))
             else:
-                entries.append(entry)
+                entries.append(replace(entry, appearance=self.appearances.pop(entry.model_id, None)))
         replaced = {entry.model_id for entry in entries} & self.present
         count = self.database.add(entries, model_name=self.model_name, replace=bool(replaced))
         self.report.replaced += len(replaced)

@@ -26,6 +26,7 @@ from kpred.database.rows import (
     chunks,
     delete_rows,
     find_rows,
+    read_appearance,
     read_category_names,
     read_entries,
     read_fitting_arrays,
@@ -37,6 +38,7 @@ from kpred.database.statistics import read_metadata, read_statistics
 from kpred.database.weights_check import check_weights
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+from kpred.shapes.appearance.appearance import Appearance
 
 Value = TypeVar("Value")
 Read = Callable[[Connection, Sequence[str]], dict[str, Value]]
@@ -194,6 +196,11 @@ class Database:
     def entry(self, model_id: str) -> Entry:
         """Return all of one model, mesh and vertex basis included."""
         return retry_on_disconnect(lambda _: self._cached(self._cache.entries, (model_id,), read_entries))[model_id]
+
+    def appearance(self, model_id: str) -> Appearance | None:
+        """Return materials, textures, names and the like of a model's file; None where nothing was kept."""
+        with self._transaction() as connection:
+            return read_appearance(connection, model_id)
 
     def records(self, model_ids: Sequence[str]) -> list[ModelRecord]:
         """Return the stored rows of models, in the order of `model_ids`, for `add_records` of another database."""

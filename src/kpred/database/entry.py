@@ -33,6 +33,9 @@ from kpred.ops.frames import Frame
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.structure import Structure
 
+APPEARANCE = "appearance"
+"""Name of the array of what a model's file held beside positions; large, and read only to write results."""
+
 POINT_STEP = 2.0**-14
 VERTEX_BASIS_STEP = 2.0**-12
 POINT_BASIS_STEP = 2.0**-10
@@ -70,6 +73,8 @@ class Entry:
     """(N, 3) unit normals of the faces that the points lie on, away from the middle of the part's own box"""
     fingerprint: str = field(default="")
     """of the weights that made keypoints, tokens and bases"""
+    appearance: bytes | None = field(default=None, repr=False)
+    """packed (`kpred.shapes.appearance`), of an entry that is to be stored; `Database.appearance` reads it back"""
 
     def rounded(self) -> Entry:
         """Return this entry with the precision that the database stores."""
@@ -139,4 +144,6 @@ def pack_arrays(entry: Entry) -> dict[str, dict[str, Any]]:
     }
     if entry.mesh.face_parts is not None:
         arrays["face_parts"] = pack_array(entry.mesh.face_parts, "<i2")
+    if entry.appearance is not None:
+        arrays[APPEARANCE] = pack_array(np.frombuffer(entry.appearance, np.uint8), "<u1")
     return arrays

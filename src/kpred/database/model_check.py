@@ -28,14 +28,16 @@ class ModelCheck:
         """Yield the shapes, rotated so that their up axis is y."""
         for shape in shapes:
             mesh = shape.mesh
+            appearance = shape.appearance
             if not np.array_equal(self._rotation, np.eye(3)):
+                appearance = None if appearance is None else appearance.rotated(self._rotation)
                 mesh = Mesh(mesh.vertices @ self._rotation.T, mesh.faces, mesh.name, mesh.face_parts)
             if self._orientation is not None:
                 self._orientation.observe(mesh, shape.model_id, shape.category)
             problem = helper_part(mesh)
             if problem is not None:
                 self._helpers.append(f"{shape.model_id}: {problem}")
-            yield shape._replace(mesh=mesh)
+            yield shape._replace(mesh=mesh, appearance=appearance)
 
     def warnings(self) -> list[str]:
         """Return sentences about all shapes so far; only some are named."""

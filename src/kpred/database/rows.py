@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import secrets
+import zipfile
+import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,11 +14,12 @@ import numpy as np
 from sqlalchemy import Connection, Select, delete, func, select, update
 
 from kpred.database.arrays import DamagedArray, unpack_array
-from kpred.database.entry import Entry, unpack_frame
+from kpred.database.entry import APPEARANCE, Entry, unpack_frame
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
 from kpred.database.structure_arrays import FITTING_STRUCTURE, check_point_structure, unpack_structure
 from kpred.errors import MeshError
 from kpred.ops.typing import Float, Int
+from kpred.shapes.appearance.appearance import Appearance
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.structure import Structure
 
@@ -70,9 +73,24 @@ def _read_entry(connection: Connection, model_id: str) -> Entry | None:
     ).one_or_none()
     if row is None:
         return None
-    arrays = read_arrays(connection, {row.id: model_id})[row.id]
+    arrays = read_arrays(connection, {row.id: model_id}, without=(APPEARANCE,))[row.id]
     with of_model(model_id):
         return _entry(model_id, row, arrays)
+
+
+def read_appearance(connection: Connection, model_id: str) -> Appearance | None:
+    """Read what a model's file held beside positions; None where nothing was kept, or the model is not there."""
+    rows = find_rows(connection, [model_id])
+    if model_id not in rows:
+        return None
+    arrays = read_arrays(connection, {rows[model_id]: model_id}, (APPEARANCE,))[rows[model_id]]
+    if APPEARANCE not in arrays:
+        return None
+    with of_model(model_id):
+        try:
+            return Appearance.unpack(arrays[APPEARANCE].astype(np.uint8).tobytes())
+        except (ValueError, KeyError, OSError, zipfile.BadZipFile, zlib.error) as error:
+            raise DamagedArray(f"its {APPEARANCE} cannot be unpacked") from error
 
 
 def _entry(model_id: str, row: Any, arrays: dict[str, np.ndarray]) -> Entry:
@@ -227,7 +245,10 @@ def chunks(values: Sequence[Value]) -> Iterator[list[Value]]:
 
 
 def read_arrays(
-    connection: Connection, models: Mapping[int, str], names: Collection[str] | None = None
+    connection: Connection,
+    models: Mapping[int, str],
+    names: Collection[str] | None = None,
+    without: Collection[str] = (),
 ) -> dict[int, dict[str, np.ndarray]]:
     """Read arrays (all, or those of `names`) of models {row: id}, as row -> name -> array.
 
@@ -238,6 +259,8 @@ def read_arrays(
     query = select(ArrayRow.model, *columns).where(ArrayRow.model.in_(list(models)))
     if names is not None:
         query = query.where(ArrayRow.name.in_(names))
+    if without:
+        query = query.where(ArrayRow.name.not_in(without))
     arrays: dict[int, dict[str, np.ndarray]] = {model: {} for model in models}
     for model, name, dtype, shape, step, codec, data in connection.execute(query):
         with of_model(models[model]):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,8 @@ from kpred.fitting.stages import CleanScan, Context, Tried
 from kpred.ops.frames import Frame
 from kpred.preprocessing.clean import CleaningStep
 from kpred.refinement.score import Step
+from kpred.shapes.appearance.appearance import Appearance
+from kpred.shapes.credit import Credit
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
 
 
@@ -106,6 +110,7 @@ class Fit:
     evidence: Evidence
     placed: Placed = field(repr=False)
     mesh_of: Callable[[int], trimesh.Trimesh] = field(repr=False)
+    read_appearance: Callable[[], Appearance | None] = field(repr=False)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -117,6 +122,23 @@ class Fit:
     def details(self) -> dict[str, str]:
         """What the database says of the chosen model: title, author, licence, source, size, split, ..."""
         return dict(self.placed.entry.metadata)
+
+    @property
+    def credit(self) -> Credit:
+        """What is written into files of the result: the model, its author, licence and source, what was changed."""
+        facts = {"confidence": self.confidence, "step": self.source.step}
+        changes = "placed" if self.source.step == "none" else "placed and deformed"
+        return Credit(self.source.model_id, self.category, self.details, changes, facts)
+
+    def save(self, path: str | os.PathLike[str]) -> list[Path]:
+        """Write the mesh with the model's materials and names, and return the files; see `kpred.fitting.export`.
+
+        Raises:
+            OutputError: unknown extension, or a file cannot be written there.
+        """
+        from kpred.fitting.export import save_result
+
+        return save_result(self, path)
 
     def candidate(self, rank: int) -> trimesh.Trimesh:
         """Deform the mesh of the candidate of this rank, 0 being the result; in the scan's frame and units.
@@ -224,6 +246,7 @@ def build_fit(
         evidence=assessment.evidence,
         placed=placed,
         mesh_of=mesh_of,
+        read_appearance=lambda: context.database.appearance(candidates[0].model_id),
         warnings=assessment.warnings,
     )
 

@@ -80,6 +80,15 @@ def clean_mesh(mesh: Mesh) -> Mesh:
     Raises:
         MeshError: no face is left.
     """
+    return clean_mesh_rows(mesh)[0]
+
+
+def clean_mesh_rows(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
+    """Clean a mesh like `clean_mesh`, and return the rows of the vertices that are left too.
+
+    Raises:
+        MeshError: no face is left.
+    """
     areas = mesh.face_areas()
     finite = np.isfinite(mesh.vertices).all(axis=1)
     keep = finite[mesh.faces].all(axis=1) & np.isfinite(areas) & (areas > 0.0)
@@ -91,7 +100,7 @@ def clean_mesh(mesh: Mesh) -> Mesh:
     used[faces] = True
     renumbered = np.cumsum(used, dtype=np.int64) - 1
     parts = None if mesh.face_parts is None else mesh.face_parts[keep]
-    return Mesh(mesh.vertices[used], renumbered[faces], mesh.name, parts)
+    return Mesh(mesh.vertices[used], renumbered[faces], mesh.name, parts), np.flatnonzero(used)
 
 
 def mesh_hash(mesh: Mesh) -> str:

@@ -44,6 +44,15 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Raises:
         MeshError: missing, unreadable, unknown extension, no face with an area, or too far from its origin.
     """
+    return clean_mesh(read_whole_mesh(path))
+
+
+def read_whole_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """Read a mesh file like `read_mesh`, with the faces and vertices that it drops.
+
+    Raises:
+        MeshError: missing, unreadable, unknown extension, no face, or too far from its origin.
+    """
     file = Path(path)
     geometry = read_geometry(file)
     if not len(geometry.faces):
@@ -54,7 +63,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     several = len(parts) and parts.min() != parts.max() and parts.max() < np.iinfo(np.int16).max
     with np.errstate(over="ignore"):
         vertices = geometry.vertices.astype(np.float32)
-    return clean_mesh(Mesh(vertices, geometry.faces, str(file), parts.astype(np.int16) if several else None))
+    return Mesh(vertices, geometry.faces, str(file), parts.astype(np.int16) if several else None)
 
 
 def read_geometry(path: Path) -> Geometry:

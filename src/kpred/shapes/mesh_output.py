@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from kpred.atomic import atomic_path
 from kpred.errors import OutputError
+from kpred.shapes.credit import Credit
 from kpred.shapes.formats.obj import obj_lines
 from kpred.shapes.formats.off import off_lines
 from kpred.shapes.mesh import Mesh, clean_mesh
@@ -36,15 +38,11 @@ def check_precision(path: str | os.PathLike[str], points: np.ndarray) -> None:
         )
 
 
-def write_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trimesh.Scene) -> None:
-    """Write a mesh, whole or not at all, in the format of the extension: .obj .ply .stl .off .glb.
-
-    Parts are kept in .obj (as objects) and .glb (as nodes); the other formats hold one surface. Far from the origin
-    .ply holds doubles, and .glb the place as a translation of its nodes.
+def check_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trimesh.Scene) -> Mesh | trimesh.Trimesh:
+    """Refuse what cannot be written to this file, and return the surface that is.
 
     Raises:
-        OutputError: unknown extension, folder missing or not writable, disk full, a mesh that is not finite, or a
-            format that cannot hold it.
+        OutputError: unknown extension, a mesh that is not finite, or a format that cannot hold it.
     """
     file = Path(path)
     extension = file.suffix.lower()
@@ -57,6 +55,26 @@ def write_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trim
     if not np.isfinite(vertices).all():
         raise OutputError(f"Cannot write {file}: the mesh has vertices that are NaN or infinite; fit it again.")
     check_precision(file, vertices)
+    return geometry
+
+
+def write_mesh(
+    path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trimesh.Scene, credit: Credit | None = None
+) -> None:
+    """Write a mesh, whole or not at all, in the format of the extension: .obj .ply .stl .off .glb.
+
+    Parts are kept in .obj (as objects) and .glb (as nodes); the other formats hold one surface. Far from the origin
+    .ply holds doubles, and .glb the place as a translation of its nodes. `credit` goes into comments (.obj, .ply, .off)
+    and the asset (.glb); .stl has no place for it.
+
+    Raises:
+        OutputError: unknown extension, folder missing or not writable, disk full, a mesh that is not finite, or a
+            format that cannot hold it.
+    """
+    file = Path(path)
+    extension = file.suffix.lower()
+    geometry = check_mesh(file, mesh)
+    vertices = geometry.vertices
     with atomic_path(file) as temporary:
         if extension in (".obj", ".off"):
             parts = geometry.face_parts if isinstance(geometry, Mesh) else None
@@ -66,11 +84,13 @@ def write_mesh(path: str | os.PathLike[str], mesh: Mesh | trimesh.Trimesh | trim
                 if extension == ".obj"
                 else off_lines(vertices, geometry.faces, digits)
             )
-            with open(temporary, "x", encoding="ascii", newline="\n") as stream:
-                stream.writelines(lines)
+            comments = [f"# {line}\n" for line in credit.lines()] if credit is not None else []
+            with open(temporary, "x", encoding="utf-8", newline="\n") as stream:
+                # An OFF file begins with its keyword.
+                stream.writelines([*comments, *lines] if extension == ".obj" else _after_first(lines, comments))
             return
         try:
-            data = _export(mesh, geometry, extension.removeprefix("."))
+            data = _export(mesh, geometry, extension.removeprefix("."), credit)
         except Exception as error:
             raise OutputError(f"Cannot write {file}: the mesh cannot be held by {extension}; use .ply.") from error
         with open(temporary, "xb") as binary:
@@ -88,25 +108,37 @@ def _digits(vertices: np.ndarray) -> int:
     return 17 if vertices.dtype == np.float64 and needs_double(vertices, 1e-6) else 9
 
 
-def _export(mesh: Mesh | trimesh.Trimesh | trimesh.Scene, geometry: Mesh | trimesh.Trimesh, kind: str) -> bytes:
+def _after_first(lines: Iterable[str], more: Iterable[str]) -> Iterator[str]:
+    for number, line in enumerate(lines):
+        yield line
+        if number == 0:
+            yield from more
+
+
+def _export(
+    mesh: Mesh | trimesh.Trimesh | trimesh.Scene, geometry: Mesh | trimesh.Trimesh, kind: str, credit: Credit | None
+) -> bytes:
     import trimesh
 
     if kind == "ply":
-        return _ply(np.asarray(geometry.vertices), np.asarray(geometry.faces))
+        return _ply(np.asarray(geometry.vertices), np.asarray(geometry.faces), credit)
     exported: Any = geometry
     if kind == "glb":
-        exported = mesh if isinstance(mesh, trimesh.Scene) else _glb_scene(geometry)
-    elif isinstance(geometry, Mesh):
+        scene = mesh if isinstance(mesh, trimesh.Scene) else _glb_scene(geometry)
+        entries = {} if credit is None else credit.asset()
+        return bytes(scene.export(file_type="glb", tree_postprocessor=lambda tree: tree["asset"].update(entries)))
+    if isinstance(geometry, Mesh):
         exported = trimesh.Trimesh(geometry.vertices, geometry.faces, process=False)
     data = exported.export(file_type=kind)
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
-def _ply(vertices: np.ndarray, faces: np.ndarray) -> bytes:
+def _ply(vertices: np.ndarray, faces: np.ndarray, credit: Credit | None) -> bytes:
     """Make a binary PLY file; coordinates are doubles where float32 would move them."""
     double = vertices.dtype == np.float64 and needs_double(vertices, _TOLERANCE)
     kind = "double" if double else "float"
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+    comments = [f"comment {line}\n" for line in credit.lines()] if credit is not None else []
+    header = f"ply\nformat binary_little_endian 1.0\n{''.join(comments)}element vertex {len(vertices)}\n"
     header += "".join(f"property {kind} {axis}\n" for axis in "xyz")
     header += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     records = np.empty(len(faces), dtype=[("length", "u1"), ("corners", "<i4", 3)])

@@ -38,7 +38,7 @@ def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     positions: dict[int, np.ndarray] = {}
     vertices, faces, parts = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
     count = number = stored = placed = 0
-    for node, world in _nodes(file):
+    for node, world in walk_nodes(file):
         if "mesh" not in node:
             continue
         mesh = node["mesh"]
@@ -46,7 +46,7 @@ def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if mesh not in meshes:
             meshes[mesh] = list(_primitives(file, entry, node, positions))
             stored += sum(len(points) + len(triangles) for points, triangles in meshes[mesh])
-        for local in _instances(file, node):
+        for local in instance_transforms(file, node):
             matrix = world @ local
             for points, triangles in meshes[mesh]:
                 placed += len(points) + len(triangles)
@@ -61,17 +61,26 @@ def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(parts)
 
 
-def _nodes(file: GltfFile) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """Yield nodes of the default scene with their (4, 4) transforms to the world; without scenes, all roots."""
+def walk_nodes(file: GltfFile) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+    """Yield nodes of the default scene with their (4, 4) transforms to the world; without scenes, of all roots."""
+    for number, world in walk_node_numbers(file):
+        yield file.item("nodes", number), world
+
+
+def scene_roots(file: GltfFile) -> list[int]:
+    """List the root nodes of the default scene, or all nodes without a parent where there are no scenes."""
     entries = file.content.get("nodes")
     total = len(entries) if isinstance(entries, list) else 0
     scenes = file.content.get("scenes")
     if isinstance(scenes, list) and scenes:
-        roots = file.item("scenes", file.content.get("scene", 0)).get("nodes", [])
-    else:
-        children = {child for number in range(total) for child in _list(file.item("nodes", number).get("children"))}
-        roots = [number for number in range(total) if number not in children]
-    waiting = [(number, np.eye(4)) for number in reversed(_list(roots))]
+        return _list(file.item("scenes", file.content.get("scene", 0)).get("nodes", []))
+    children = {child for number in range(total) for child in _list(file.item("nodes", number).get("children"))}
+    return [number for number in range(total) if number not in children]
+
+
+def walk_node_numbers(file: GltfFile) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield numbers of nodes and their (4, 4) transforms to the world, in the order in which meshes are read."""
+    waiting = [(number, np.eye(4)) for number in reversed(scene_roots(file))]
     seen: set[int] = set()
     while waiting:
         number, parent = waiting.pop()
@@ -80,7 +89,7 @@ def _nodes(file: GltfFile) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
         node = file.item("nodes", number)
         seen.add(number)
         world = parent @ _transform(file, node)
-        yield node, world
+        yield number, world
         waiting += [(child, world) for child in reversed(_list(node.get("children")))]
 
 
@@ -98,7 +107,7 @@ def _transform(file: GltfFile, node: dict[str, Any]) -> np.ndarray:
                 np.array(node.get(key, default), dtype=np.float64).reshape(len(default))
                 for key, default in (("translation", [0, 0, 0]), ("rotation", [0, 0, 0, 1]), ("scale", [1, 1, 1]))
             )
-            matrix = _composed(translation, rotation, scale)
+            matrix = compose_transform(translation, rotation, scale)
         if not np.isfinite(matrix).all():
             raise ValueError("not finite")
     except (TypeError, ValueError, OverflowError) as error:
@@ -106,7 +115,8 @@ def _transform(file: GltfFile, node: dict[str, Any]) -> np.ndarray:
     return matrix
 
 
-def _composed(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def compose_transform(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Compose a (4, 4) matrix, for column vectors, of a translation (3,), a quaternion (4,) and a scale (3,)."""
     from scipy.spatial.transform import Rotation
 
     matrix = np.eye(4)
@@ -115,7 +125,7 @@ def _composed(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) 
     return matrix
 
 
-def _instances(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
+def instance_transforms(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
     """Return the (4, 4) transforms of a node's mesh within the node, one per instance."""
     extensions = node.get("extensions")
     instancing = extensions.get(_INSTANCING) if isinstance(extensions, dict) else None
@@ -136,7 +146,7 @@ def _instances(file: GltfFile, node: dict[str, Any]) -> Iterator[np.ndarray]:
         if values.shape != (count, widths[key]) or not np.isfinite(values).all():
             raise MeshError(f"{file.path}: its instances ({_INSTANCING}) are damaged; export them as single meshes.")
     for row in range(count):
-        yield _composed(
+        yield compose_transform(
             found["TRANSLATION"][row] if "TRANSLATION" in found else np.zeros(3),
             found["ROTATION"][row] if "ROTATION" in found else np.array([0.0, 0.0, 0.0, 1.0]),
             found["SCALE"][row] if "SCALE" in found else np.ones(3),
@@ -159,7 +169,7 @@ def _primitives(
         if isinstance(extensions, dict) and isinstance(extensions.get(_DRACO), dict):
             yield _draco(file, extensions[_DRACO])
             continue
-        vertices = _positions(file, primitive, weights if isinstance(weights, list) else [], positions)
+        vertices = read_positions(file, primitive, weights if isinstance(weights, list) else [], positions)
         indices = np.arange(len(vertices))
         if primitive.get("indices") is not None:
             indices = read_accessor(file, primitive["indices"])[:, 0]
@@ -168,12 +178,13 @@ def _primitives(
         if len(vertices) > len(indices):
             used, indices = np.unique(indices, return_inverse=True)
             vertices = vertices[used]
-        yield vertices, _triangles(file, indices.astype(np.int64), mode)
+        yield vertices, triangles_of(file, indices.astype(np.int64), mode)
 
 
-def _positions(
+def read_positions(
     file: GltfFile, primitive: dict[str, Any], weights: list[Any], known: dict[int, np.ndarray]
 ) -> np.ndarray:
+    """Read the positions (N, 3) of a primitive, its morph targets by their weights; `known` keeps accessors."""
     attributes = primitive.get("attributes")
     if not isinstance(attributes, dict) or "POSITION" not in attributes:
         raise MeshError(f"{file.path}: one of its meshes has no positions; export it again.")
@@ -193,7 +204,8 @@ def _positions(
     return vertices
 
 
-def _triangles(file: GltfFile, indices: np.ndarray, mode: Any) -> np.ndarray:
+def triangles_of(file: GltfFile, indices: np.ndarray, mode: Any) -> np.ndarray:
+    """Cut the indices of a primitive of this mode into triangles (F, 3); points have none."""
     if mode == 0:
         return np.zeros((0, 3), dtype=np.int64)
     if mode == 4:

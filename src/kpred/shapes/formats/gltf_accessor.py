@@ -21,6 +21,19 @@ def read_accessor(file: GltfFile, number: Any) -> np.ndarray:
     Raises:
         MeshError: it refers to what is not there, or to fewer bytes than it needs.
     """
+    values = read_stored_accessor(file, number)
+    if file.item("accessors", number).get("normalized") is True and values.dtype.kind in "iu":
+        # glTF 2.0, 3.11: the lowest signed integer is -1 too.
+        return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)
+    return values
+
+
+def read_stored_accessor(file: GltfFile, number: Any) -> np.ndarray:
+    """(N, width) array of an accessor in the numbers that are stored, normalised or not.
+
+    Raises:
+        MeshError: it refers to what is not there, or to fewer bytes than it needs.
+    """
     accessor = file.item("accessors", number)
     count = whole(accessor, "count", file.path)
     dtype, width = _layout(file, accessor)
@@ -33,9 +46,6 @@ def read_accessor(file: GltfFile, number: Any) -> np.ndarray:
         values = _strided(file, data, stride, whole(accessor, "byteOffset", file.path, 0), dtype, (count, width))
     if isinstance(accessor.get("sparse"), dict):
         values = _sparse(file, accessor["sparse"], values)
-    if accessor.get("normalized") is True and dtype.kind in "iu":
-        # glTF 2.0, 3.11: the lowest signed integer is -1 too.
-        return np.maximum(values.astype(np.float64) / np.iinfo(dtype).max, -1.0)
     return values
 
 

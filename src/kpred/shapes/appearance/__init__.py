@@ -1,0 +1,1 @@
+"""What a mesh file holds beside positions: materials, textures, UVs, normals, names."""
