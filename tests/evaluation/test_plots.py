@@ -11,6 +11,7 @@ from kpred.database import Database
 from kpred.errors import ConfigError, DatabaseError, OutputError
 from kpred.evaluation.database_source import database_source
 from kpred.evaluation.metrics.metric import Metric
+from kpred.evaluation.plots.catalogue import COLUMNS, LINE, LINES, THUMBNAIL, catalogue_figure, catalogue_sheet
 from kpred.evaluation.plots.figure import check_figure, save_figure
 from kpred.evaluation.plots.grid import GridConfig, grid_figure
 from kpred.evaluation.plots.keypoints import chosen_entries, influence_figure, keypoints_figure
@@ -169,3 +170,20 @@ def test_refusals(database: Database, model: Model, tmp_path: Path) -> None:
         keypoints_figure(database, "chair", count=0)
     with pytest.raises(DatabaseError, match="no models of category 'sofa'"):
         tokens_figure(database, "sofa")
+
+
+def test_a_catalogue_sheet_has_a_picture_for_each_model_and_its_labels(tmp_path: Path, database: Database) -> None:
+    ids = database.model_ids("chair")
+    entries = [database.entry(name) for name in ids]
+    sheet = np.asarray(catalogue_sheet(entries))
+    columns = min(COLUMNS, len(ids))
+    assert sheet.shape == (-(-len(ids) // columns) * (THUMBNAIL + LINES * LINE), columns * THUMBNAIL, 3)
+    for number in range(len(ids)):
+        left, top = number % columns * THUMBNAIL, number // columns * (THUMBNAIL + LINES * LINE)
+        for part in (slice(top, top + THUMBNAIL), slice(top + THUMBNAIL, top + THUMBNAIL + LINE)):
+            assert (sheet[part, left : left + THUMBNAIL] < 128).any()
+    save_figure(catalogue_figure(database, "chair", max_models=2), tmp_path / "sheet.png")
+    with Image.open(tmp_path / "sheet.png") as picture:
+        assert picture.size == (2 * THUMBNAIL, THUMBNAIL + LINES * LINE)
+    with pytest.raises(DatabaseError, match="sofa"):
+        catalogue_figure(database, "sofa")

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.database_build import AddCommand, BuildCommand, DatabasePath
+from kpred.cli.database_get import GetCommand
 from kpred.cli.database_transfer import CopyCommand, UpdateCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
@@ -158,5 +159,6 @@ COMMAND: dict[str, type[Command]] = {
     "list": ListCommand,
     "search": SearchCommand,
     "copy": CopyCommand,
+    "get": GetCommand,
     "update": UpdateCommand,
 }

@@ -24,7 +24,7 @@ Source = Annotated[Positional[Path], arg(metavar="PACK_OR_FOLDER")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Encoding(Command):
+class EncodingCommand(Command):
     """What building and adding have in common."""
 
     category: Annotated[str | None, arg(metavar="NAME")] = None
@@ -131,7 +131,7 @@ class _Encoding(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuildCommand(_Encoding):
+class BuildCommand(EncodingCommand):
     """Build a database from a mesh pack, a folder of packs or of meshes, or a manifest of mesh files.
 
     A build that was stopped goes on where it was when the same command is given again.
@@ -156,7 +156,7 @@ class BuildCommand(_Encoding):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AddCommand(_Encoding):
+class AddCommand(EncodingCommand):
     """Add the models of a mesh pack or folder to an existing database.
 
     examples:

@@ -187,6 +187,30 @@ class GridCommand(_PlotCommand, ModelOptions):
             )
 
 
+@dataclass(frozen=True, kw_only=True)
+class CatalogueCommand(_DatabasePlotCommand):
+    """Sheet of a category's models: a picture of each, with its id, size, author and licence.
+
+    All are seen from the front, the right and above; a model that does not stand like the others has a wrong front or
+    up axis in its manifest.
+
+    examples:
+      kpred plot catalogue --database furniture.kpred --category chair -o chairs.png
+    """
+
+    max_models: Annotated[int, arg(metavar="N")] = 200
+    """At most so many models, drawn by the seed"""
+
+    def draw(self) -> Figure:
+        """Draw the figure."""
+        from kpred.evaluation.plots.catalogue import catalogue_figure
+        from kpred.fitting.defaults import resolve_database
+
+        if self.max_models < 1:
+            raise UsageError(f"--max-models must be at least 1, but is {self.max_models}")
+        return catalogue_figure(resolve_database(self.database), self.category, self.max_models, self.seed)
+
+
 COMMAND = Group(
     {
         "occlusion": OcclusionCommand,
@@ -194,5 +218,6 @@ COMMAND = Group(
         "keypoints": KeypointsCommand,
         "influence": InfluenceCommand,
         "grid": GridCommand,
+        "catalogue": CatalogueCommand,
     }
 )

@@ -110,3 +110,10 @@ def test_a_folder_of_something_else_is_not_written_into(write_library, tmp_path)
     (tmp_path / "out" / "thesis.txt").write_text("x")
     with pytest.raises(OutputError, match="no catalogue"):
         make_catalogue([write_library(tmp_path / "a.sh3f", {"one": {}})], tmp_path / "out")
+
+
+def test_vertices_that_no_face_uses_do_not_count_in_the_size(write_library, tmp_path):
+    obj = "v 0 0 0\nv 10 0 0\nv 10 20 0\nv 0 20 5\nv 0 0 900\nf 1 2 3\nf -5 -3 -2\n"
+    make_catalogue([write_library(tmp_path / "a.sh3f", {"one": {"OBJ": obj}})], tmp_path / "out")
+    mesh = read_mesh(tmp_path / "out/chair/test-one/test-one.obj")
+    np.testing.assert_allclose(mesh.bounds, [[-0.2, 0, -0.05], [0.2, 0.8, 0.05]], atol=1e-6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kpred.errors import MeshError
-from kpred.ops.typing import Float
+from kpred.ops.typing import Bool, Float
 
 
 def place_obj(
@@ -19,7 +19,7 @@ def place_obj(
         The file, and the material libraries it names.
 
     Raises:
-        MeshError: a vertex is damaged, or there is none.
+        MeshError: a vertex or face is damaged, or there is none.
     """
     lines = data.replace(b"\r\n", b"\n").split(b"\n")
     vertex_rows = [row for row, line in enumerate(lines) if line.startswith(b"v ")]
@@ -28,7 +28,8 @@ def place_obj(
     if not len(vertices):
         raise MeshError(f"{name}: it has no vertices; leave it out.")
     turned = vertices @ rotation.T
-    low, high = turned.min(axis=0), turned.max(axis=0)
+    seen = turned[_used(lines, len(vertices), name)]
+    low, high = seen.min(axis=0), seen.max(axis=0)
     extent = high - low
     solid = extent > 0
     if not solid.any():
@@ -45,6 +46,24 @@ def place_obj(
         lines[row] = b"vn %.5g %.5g %.5g" % (x, y, z)
     libraries = [line[7:].strip().decode("utf-8", "replace") for line in lines if line.startswith(b"mtllib ")]
     return b"\n".join(lines), libraries
+
+
+def _used(lines: list[bytes], count: int, name: str) -> Bool[np.ndarray, " vertices"]:
+    """Mark the vertices that faces use; only they have a place in the box."""
+    used = np.zeros(count, dtype=bool)
+    seen = 0
+    for line in lines:
+        if line.startswith(b"v "):
+            seen += 1
+        elif line.startswith(b"f "):
+            try:
+                numbers = [int(word.split(b"/", 1)[0]) for word in line.split()[1:]]
+                used[[number - 1 if number > 0 else seen + number for number in numbers]] = True
+            except (ValueError, IndexError) as error:
+                raise MeshError(f"{name}: one of its faces is damaged; leave it out.") from error
+    if not used.any():
+        raise MeshError(f"{name}: it has no faces; leave it out.")
+    return used
 
 
 def _numbers(lines: list[bytes], rows: list[int], name: str) -> Float[np.ndarray, "rows 3"]:
