@@ -47,6 +47,7 @@ def _download(scratch: Path) -> Path:
 def _unpack(package: Path, folder: Path) -> Path:
     if not package.is_file():
         raise MeshError(f"{package}: there is no such file; check the path.")
+    folder.mkdir(parents=True, exist_ok=True)
     _run(["dpkg-deb", "-x", str(package.resolve()), str(folder)], package.parent)
     return folder
 
