@@ -51,8 +51,6 @@ COVERED_BY = {
     "evaluation/*.py": "evaluation/tables/test_make_table.py",
     "evaluation/methods/*.py": "evaluation/methods/test_method.py",
     "datasets/sweethome3d/*.py": "datasets/sweethome3d/test_catalogue.py",
-    "evaluation/*.py": "evaluation/tables/test_run.py",
-    "evaluation/methods/*.py": "peers/test_methods.py",
     "evaluation/metrics/summary.py": "evaluation/scans/test_virtual_scans.py",
     "evaluation/metrics/surfaces.py": "evaluation/tables/test_make_table.py",
     "evaluation/plots/*.py": "evaluation/test_plots.py",

@@ -110,7 +110,7 @@ def map_vertices(
 
 
 def _linear(source: np.ndarray, result: np.ndarray) -> np.ndarray:
-    """The linear map, for row vectors, that comes nearest to what was done to all vertices."""
+    """Fit the linear map, for row vectors, that comes nearest to what was done to all vertices."""
     left, right = (np.asarray(points, dtype=np.float64) for points in (source, result))
     return np.linalg.lstsq(left - left.mean(axis=0), right - right.mean(axis=0), rcond=None)[0]
 

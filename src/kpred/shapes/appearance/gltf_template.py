@@ -141,7 +141,7 @@ class _Template:
         return kept | {COUNT: len(points)}
 
     def _arrays(self, entry: dict[str, Any]) -> tuple[dict[str, tuple[np.ndarray, bool]], np.ndarray | None]:
-        """Attributes with whether they are normalised, and indices; directions and positions as floats."""
+        """Read attributes with whether they are normalised, and indices; directions and positions as floats."""
         named = entry.get("attributes", {})
         draco = entry.get("extensions", {}).get(_DRACO)
         if draco is not None:
@@ -175,7 +175,7 @@ class _Template:
 
 
 def _decoded(file: GltfFile, draco: dict[str, Any]) -> tuple[dict[str, tuple[np.ndarray, bool]], np.ndarray | None]:
-    """Attributes and indices of a primitive compressed by Draco."""
+    """Decode attributes and indices of a primitive compressed by Draco."""
     import DracoPy
 
     decoded = DracoPy.decode(file.view(draco.get("bufferView"))[0])

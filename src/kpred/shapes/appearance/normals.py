@@ -61,7 +61,7 @@ def deform_directions(
 
 
 def _frames(corners: Corners, points: np.ndarray) -> np.ndarray:
-    """(C, 3, 3): two edges and the normal of each corner, as columns of about unit length."""
+    """Return two edges and the normal of each corner as columns (C, 3, 3) of about unit length."""
     size = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
     ahead = (points[corners.after] - points[corners.at]) / size
     back = (points[corners.before] - points[corners.at]) / size

@@ -115,7 +115,7 @@ def strip_map_options(materials: bytes) -> bytes:
 
 
 def _materials(path: Path, text: str, textures: dict[str, bytes]) -> list[str]:
-    """Lines of a material file whose textures are named as they are kept."""
+    """Return the lines of a material file, with textures named as they are kept."""
     lines = []
     for line in text.replace("\r\n", "\n").split("\n"):
         named = _MAP.match(line)
@@ -145,7 +145,7 @@ def _renamed(materials: bytes, stem: str, files: Mapping[str, bytes]) -> bytes:
 
 
 def _corners(lines: list[str], faces: list[int], normals: int) -> tuple[Corners, dict[int, list[tuple[str, str, str]]]]:
-    """Corners with a normal, and the words of every face; negative numbers count from where they stand."""
+    """List corners with a normal, and the words of every face; negative numbers count from where they stand."""
     vertices = seen_normals = 0
     before, at, after, owner = [], [], [], []
     words: dict[int, list[tuple[str, str, str]]] = {}
