@@ -20,7 +20,7 @@ from kpred.evaluation.scans.calibration import (
     regression,
 )
 from kpred.evaluation.scans.outcome import FitSettings
-from kpred.fitting.confidence import BUILT_IN, FEATURES, Evidence, confidence
+from kpred.fitting.confidence import BUILT_IN, FEATURES, Evidence, confidence, explained_factor
 from kpred.nn import Model
 
 
@@ -39,12 +39,13 @@ def _evidence(rng: np.random.Generator) -> Evidence:
 
 @pytest.fixture(scope="module")
 def samples() -> list[CalibrationSample]:
-    """Outcomes that follow the odds and nothing else."""
+    """Outcomes that follow the odds and the explained fraction, and nothing else."""
     rng = np.random.default_rng(0)
     evidence = [_evidence(rng) for _ in range(800)]
+    chances = [explained_factor(one.unexplained) / (1 + np.exp(2 - (one.odds or 0.0))) for one in evidence]
     return [
-        CalibrationSample("chair", "views", bool(rng.random() < 1 / (1 + np.exp(2 - one.odds))), one)
-        for one in evidence
+        CalibrationSample("chair", "views", bool(rng.random() < chance), one)
+        for chance, one in zip(chances, evidence, strict=True)
     ]
 
 
@@ -70,7 +71,9 @@ def test_what_is_said_is_what_happens(samples: list[CalibrationSample]) -> None:
     assert held_out[WITH_ODDS].n == 400
     auc, blind = held_out[WITH_ODDS].auc, held_out[WITHOUT_ODDS].auc
     assert auc is not None and blind is not None
-    assert auc > 0.8 > 0.6 > blind
+    # What is explained tells something without the odds too.
+    assert auc > 0.8
+    assert auc > blind + 0.05
     assert found.made_from["seed"] == 1
     assert (found.made_from["samples"], found.made_from["right"]) == (800, sum(one.right for one in samples))
 
@@ -79,7 +82,7 @@ def test_confidence_is_that_of_the_regression(samples: list[CalibrationSample]) 
     found, _ = calibrate(samples, {})
     for sample in samples[:20]:
         features = sample.evidence.features()[None]
-        wanted = probability(features, np.array(found.weights))[0]
+        wanted = probability(features, np.array(found.weights))[0] * explained_factor(sample.evidence.unexplained)
         assert confidence(sample.evidence, found) == pytest.approx(wanted)
         assert confidence(sample.evidence) == confidence(sample.evidence, BUILT_IN)
     assert confidence(samples[0].evidence, found) != confidence(samples[0].evidence)
@@ -90,6 +93,14 @@ def test_a_calibration_of_other_features_is_refused(samples: list[CalibrationSam
     other = dataclasses.replace(found, features=("something", *found.features[1:]))
     with pytest.raises(ModelError, match="kpred train confidence"):
         confidence(samples[0].evidence, other)
+
+
+def test_what_a_factor_takes_from_confidence_is_known_to_the_weights(rng: np.random.Generator) -> None:
+    features = np.column_stack([np.ones(4000), rng.uniform(-3, 3, 4000)])
+    true, factor = np.array([1.0, -0.5]), rng.choice([0.3, 1.0], 4000)
+    right = rng.random(4000) < probability(features, true) * factor
+    np.testing.assert_allclose(regression(features, right, factor), true, atol=0.2)
+    assert regression(features, right)[0] < 0.6
 
 
 def test_without_a_recognizer_odds_have_no_weight(samples: list[CalibrationSample]) -> None:

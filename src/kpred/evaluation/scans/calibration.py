@@ -24,7 +24,7 @@ from kpred.evaluation.scans.targets import ScanTarget
 from kpred.evaluation.tables.packs import pack_files
 from kpred.evaluation.tables.targets import chosen_rows, make_target
 from kpred.fitting import Fit
-from kpred.fitting.confidence import FEATURES, Evidence
+from kpred.fitting.confidence import FEATURES, Evidence, explained_factor
 from kpred.nn.calibration import Calibration
 from kpred.ops.typing import Bool, Float
 from kpred.shapes import MeshPack
@@ -142,10 +142,11 @@ def calibrate(
     sets = {WITHOUT_ODDS: without}
     if all(one.evidence.odds is not None for one in samples):
         sets[WITH_ODDS] = np.stack([one.evidence.features() for one in samples])
-    weights = {name: regression(features, right) for name, features in sets.items()}
+    factor = np.array([explained_factor(sample.evidence.unexplained) for sample in samples])
+    weights = {name: regression(features, right, factor) for name, features in sets.items()}
     # A model without a recognizer has no odds to weigh.
     weights.setdefault(WITH_ODDS, np.append(weights[WITHOUT_ODDS], 0.0))
-    held_out = {name: _held_out(features, right) for name, features in sets.items()}
+    held_out = {name: _held_out(features, right, factor) for name, features in sets.items()}
     facts = made_from | {
         "samples": len(samples),
         "right": int(right.sum()),
@@ -155,12 +156,20 @@ def calibrate(
     return Calibration(FEATURES, _rounded(weights[WITH_ODDS]), _rounded(weights[WITHOUT_ODDS]), facts), held_out
 
 
-def regression(features: Float[np.ndarray, "samples features"], right: Bool[np.ndarray, " samples"]) -> np.ndarray:
-    """Compute the weights (features,) of the likeliest logistic model with a small penalty, of the right signs."""
-    sign = np.where(right, 1.0, -1.0)
+def regression(
+    features: Float[np.ndarray, "samples features"],
+    right: Bool[np.ndarray, " samples"],
+    factor: Float[np.ndarray, " samples"] | None = None,
+) -> np.ndarray:
+    """Compute the weights (features,) of the likeliest logistic model with a small penalty, of the right signs.
+
+    `factor`: what the model's probability of each sample is multiplied by; None stands for 1.
+    """
+    known = np.ones(len(right)) if factor is None else factor
 
     def loss(weights: np.ndarray) -> float:
-        return float(np.logaddexp(0, -sign * (features @ weights)).mean() + PENALTY * np.square(weights[1:]).mean())
+        said = np.clip(probability(features, weights) * known, 1e-12, 1 - 1e-12)
+        return float(-np.log(np.where(right, said, 1 - said)).mean() + PENALTY * np.square(weights[1:]).mean())
 
     limits = [(MIN_WEIGHT, 20.0) if one > 0 else (-20.0, -MIN_WEIGHT) for one in SIGNS]
     bounds = [(-20.0, 20.0), *limits][: features.shape[1]]
@@ -170,13 +179,14 @@ def regression(features: Float[np.ndarray, "samples features"], right: Bool[np.n
 
 def probability(features: Float[np.ndarray, "samples features"], weights: np.ndarray) -> Float[np.ndarray, " samples"]:
     """Compute the probability of being right, row by row."""
-    return np.asarray(1 / (1 + np.exp(-features @ weights)))
+    return np.asarray(1 / (1 + np.exp(-np.clip(features @ weights, -30, 30))))
 
 
-def _held_out(features: np.ndarray, right: np.ndarray) -> Reliability:
+def _held_out(features: np.ndarray, right: np.ndarray, factor: np.ndarray) -> Reliability:
     """Reliability on every second sample, of weights from the others."""
     half = np.arange(len(right)) % 2 == 0
-    said = probability(features[~half], regression(features[half], right[half]))
+    weights = regression(features[half], right[half], factor[half])
+    said = probability(features[~half], weights) * factor[~half]
     return reliability(said.tolist(), right[~half].tolist())
 
 
