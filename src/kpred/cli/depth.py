@@ -17,6 +17,7 @@ from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
     from kpred.fitting import Fit
+    from kpred.nn import Model
     from kpred.shapes.depth import MergedScan
 
 _SURE = 0.5
@@ -47,7 +48,7 @@ class FitDepthCommand(Command):
     """The mesh to write, by extension: .obj .ply .glb .stl"""
     pose: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
     """Camera-to-world matrix of each picture: .txt, .json, .yaml or .npy, metres; x right, y down, z forward, but under
-    the key transform_matrix (nerfstudio) y up, z backward. Without it the camera is taken to look level"""
+    the key transform_matrix (nerfstudio) y up, z backward. Without it, how far the camera looks down is estimated"""
     mask: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
     """The object's pixels in each picture: .png of instance ids, or boolean .npy"""
     mask_id: Annotated[int | None, arg(metavar="N")] = None
@@ -64,7 +65,8 @@ class FitDepthCommand(Command):
     voxel: Annotated[float, arg(metavar="METRES")] = 0.005
     """Of several pictures' points in a cube of this side, one is kept; 0 keeps all"""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] | None = None
-    """Up axis of the world, auto finds it; without it, y with poses (ScanNet: z) and -y without"""
+    """Up axis of the world, auto finds it; without it, y with poses (ScanNet: z); without poses, -y of a camera that
+    may look down, or, named, of one that looks level"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
@@ -89,8 +91,9 @@ class FitDepthCommand(Command):
         from kpred.cli.fit_files import check_output, describe, write_files
         from kpred.database import Database
         from kpred.errors import OutputError
+        from kpred.fitting.defaults import resolve_model
         from kpred.fitting.pipeline import fit
-        from kpred.nn import load_model
+        from kpred.pose.tilt import tilt_rotation
         from kpred.rendering.overlay import save_overlay
 
         for given, what in ((self.pose, "--pose"), (self.mask, "--mask")):
@@ -110,19 +113,24 @@ class FitDepthCommand(Command):
         scan = self._scan(output)
         # One depth picture shows one side only.
         partial = {"auto": None if len(scan.scans) > 1 else True, "yes": True, "no": False}[self.partial]
+        model = resolve_model(self.model)
+        tilt = self._tilt(scan, model, output)
+        level = tilt_rotation(tilt)
         result = fit(
-            scan.points,
-            model=load_model(self.model) if self.model is not None else None,
+            scan.points @ level.T,
+            model=model,
             database=Database.open(self.database) if self.database is not None else None,
             category=self.category,
             top_k=self.top_k,
             deform=self.deform,
             model_id=self.model_id,
-            up=self.up or ("y" if self.pose else "-y"),
+            up="-y" if tilt else self.up or ("y" if self.pose else "-y"),
             partial=partial,
             # Without poses the world is the camera's own frame, and this is its origin.
-            sensor=scan.origins,
+            sensor=scan.origins @ level.T,
         )
+        if tilt:
+            result = result.rotated(level.T)
         result = replace(result, warnings=(*result.warnings, *self._doubts(result)))
         overlay: dict[Path, Callable[[Path], object]] = {}
         if self.rgb is not None:
@@ -134,6 +142,19 @@ class FitDepthCommand(Command):
         )
         describe(output, result, files)
 
+    def _tilt(self, scan: MergedScan, model: Model, output: Output) -> float:
+        """Find by how much a camera without a pose looks down (radians); 0 with a pose or a named up axis."""
+        import numpy as np
+
+        from kpred.pose.tilt import find_tilt
+
+        if self.pose or self.up not in (None, "auto") or model.recognizer is None:
+            return 0.0
+        tilt = find_tilt(np.random.default_rng(0).permutation(scan.points), model.recognizer)
+        if tilt:
+            output.note(f"the camera seems to look down by {np.degrees(tilt):.0f} degrees; give --pose if you know it")
+        return tilt
+
     def _doubts(self, result: Fit) -> list[str]:
         """Return warnings about the depths' unit and a missing pose."""
         import numpy as np
@@ -144,7 +165,7 @@ class FitDepthCommand(Command):
         too_large = size_warning(size, result.category, "give --depth-scale (RealSense often 4000, TUM 5000)")
         found = [] if too_large is None else [too_large]
         if not self.pose and result.confidence < _SURE:
-            found.append("No --pose was given, so the camera was taken to look level; if it looks down, give --pose.")
+            found.append("No --pose was given, so up was estimated from the object; give --pose if you know it.")
         return found
 
     def _scan(self, output: Output) -> MergedScan:
@@ -180,7 +201,7 @@ class FitDepthCommand(Command):
         if not self.mask:
             output.note("no --mask: everything in the depth pictures is taken as the object")
         if not self.pose:
-            output.note("no --pose: the camera is taken to look level, with up along the picture's columns")
+            output.note("no --pose: the camera is taken to be held level, and to look ahead or down")
         if beyond > 0.1 * seen:
             output.caution(
                 f"{beyond} of {seen} pixels lie beyond {self.max_depth:g} m and were left out; check --depth-scale."

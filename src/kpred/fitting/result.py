@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from kpred.fitting.options import FitOptions
 from kpred.fitting.placed import Placed, PlacedModel, in_own_size, place_mesh
 from kpred.fitting.stages import CleanScan, Context, Tried
 from kpred.ops.frames import Frame
+from kpred.ops.typing import Float
 from kpred.preprocessing.clean import CleaningStep
 from kpred.refinement.score import Step
 from kpred.shapes.appearance.appearance import Appearance
@@ -148,6 +149,29 @@ class Fit:
             DatabaseError: the model is no longer in the database.
         """
         return self.mesh_of(range(len(self.candidates))[rank])
+
+    def rotated(self, rotation: Float[np.ndarray, "3 3"]) -> Fit:
+        """Return the same fit in a rotated frame of the scan: a point p is at `rotation @ p` there."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation
+        placement = replace(
+            self.placement,
+            matrix=matrix @ self.placement.matrix,
+            translation=rotation @ self.placement.translation,
+            rotation=rotation @ self.placement.rotation,
+        )
+        frame = replace(
+            self.frame, center=rotation @ self.frame.center, rotation=self.frame.rotation @ np.asarray(rotation).T
+        )
+        return replace(
+            self,
+            mesh=self.mesh.copy().apply_transform(matrix),
+            retrieved_mesh=self.retrieved_mesh.copy().apply_transform(matrix),
+            placement=placement,
+            frame=frame,
+            keypoints=self.keypoints @ rotation.T,
+            mesh_of=lambda rank: self.mesh_of(rank).apply_transform(matrix),
+        )
 
     @cached_property
     def cleanliness(self) -> Cleanliness:
