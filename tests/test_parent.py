@@ -20,7 +20,7 @@ def pid(_):
 
 def begin(number, kernel):
     if not kernel:
-        parent._asked_kernel, parent.POLL_SECONDS = lambda: False, 0.1
+        parent._request_signal, parent.POLL_SECONDS = lambda: False, 0.1
     parent.end_with_parent(number)
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Locks on files between processes: who comes second is told at once."""
+"""Locks on files between processes: the second one gets an error at once."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def exclusive(file: Path, busy: Exception) -> Iterator[None]:
         yield
     finally:
         del _owners[place]
-        # While it is still locked: whoever opened it meanwhile sees that it has gone.
+        # While it is still locked: a process that opened it meanwhile finds it gone.
         with suppress(OSError):
             os.unlink(place)
         os.close(stream)

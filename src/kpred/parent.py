@@ -20,14 +20,14 @@ def end_with_parent(parent: int) -> None:
 
     On Linux the kernel sends the signal; elsewhere a thread looks for the parent every second.
     """
-    if not _asked_kernel():
+    if not _request_signal():
         threading.Thread(target=_watch, args=(parent,), name="kpred-parent", daemon=True).start()
-    if os.getppid() != parent:  # It went before the kernel was asked.
+    if os.getppid() != parent:  # It ended before the request to the kernel.
         os._exit(1)
 
 
-def _asked_kernel() -> bool:
-    """Ask Linux for SIGKILL at the parent's end, and return whether it will be sent."""
+def _request_signal() -> bool:
+    """Request SIGKILL at the parent's end from Linux, and return whether it will be sent."""
     if not sys.platform.startswith("linux"):
         return False
     try:

@@ -29,7 +29,7 @@ _MAGIC = b"SQLite format 3\0"
 
 
 def create_file(path: Path, created_by: str, overwrite: bool = False) -> None:
-    """Create an empty database with all tables at `path`, atomically; another file stays unless told otherwise."""
+    """Create an empty database with all tables at `path`, atomically; an existing file stays unless `overwrite`."""
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(path.parent)

@@ -1,4 +1,4 @@
-"""Tilt of a camera without a pose: by how much it looks down, as the recognizer tells from the object in its view."""
+"""Tilt of a camera without a pose: the angle by which it looks down, from the object in its view."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MIN_TILT = 4.0
 
 
 def find_tilt(points: Float[np.ndarray, "points 3"], recognizer: Recognizer) -> float:
-    """Estimate the angle (radians) by which a camera looks down; 0 where it looks level as far as can be told.
+    """Estimate the angle (radians) by which a camera looks down; 0 if it looks level or nothing speaks against that.
 
     Args:
         points: (N, 3) of one object in the camera's axes (x right, y down, z forward), in random order, any unit.
