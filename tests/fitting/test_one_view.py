@@ -100,7 +100,7 @@ def test_some_models_of_the_database_scanned_from_one_side_return_themselves() -
 
 def test_own_sizes_tell_twins_apart() -> None:
     """Of two models of one shape and two sizes, the one in the scan's own size comes first, undeformed."""
-    database = as_database(None)
+    database = resolve_database(None)
     name = database.model_ids("chair")[5]
     entry = database.entry(name)
     _, surface, view = _view(entry)
