@@ -8,9 +8,9 @@ The names below are loaded when first used, so that ``import kpred`` itself cost
 """
 
 import os
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from kpred._lazy import lazy_names
 from kpred._version import __version__
 
 if TYPE_CHECKING:
@@ -50,14 +50,4 @@ _MODULES = {
     "write_mesh": "kpred.shapes",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'kpred' has no attribute {name!r}")
-    value = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(_MODULES))
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -3,8 +3,9 @@
 Names are imported at first use.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kpred._lazy import lazy_names
 
 if TYPE_CHECKING:
     from kpred.batch.run import BatchReport, fit_many
@@ -14,8 +15,4 @@ __all__ = ["BatchReport", "BatchSettings", "fit_many"]
 
 _MODULES = {"BatchReport": "run", "BatchSettings": "worker", "fit_many": "run"}
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'kpred.batch' has no attribute {name!r}")
-    return getattr(import_module(f"kpred.batch.{_MODULES[name]}"), name)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

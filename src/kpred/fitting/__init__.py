@@ -1,7 +1,8 @@
 """Fitting: a scan in, the CAD model that explains it out, in the scan's own place and units."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kpred._lazy import lazy_names
 
 if TYPE_CHECKING:
     from kpred.fitting.defaults import bundled_database_path, sample_scan
@@ -32,11 +33,4 @@ _MODULES = {
     "sample_scan": "kpred.fitting.defaults",
 }
 
-
-def __getattr__(name: str) -> Any:
-    # Training uses the refinement where there is neither trimesh nor a database.
-    if name not in _MODULES:
-        raise AttributeError(f"module 'kpred.fitting' has no attribute {name!r}")
-    value = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

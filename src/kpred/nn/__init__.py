@@ -1,7 +1,8 @@
 """Networks: keypoints, region encoder with self-attention, influence head, retrieval tokens, region decoder."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kpred._lazy import lazy_names
 
 if TYPE_CHECKING:
     from kpred.nn.config import PRESETS, ModelConfig, preset
@@ -59,11 +60,4 @@ _MODULES = {
     "save_visibility": "kpred.nn.loading",
 }
 
-
-def __getattr__(name: str) -> Any:
-    # The command line reads configs for its help without loading torch.
-    if name not in _MODULES:
-        raise AttributeError(f"module 'kpred.nn' has no attribute {name!r}")
-    value = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)
