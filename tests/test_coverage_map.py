@@ -38,6 +38,7 @@ COVERED_BY = {
     "cli/table_options.py": "cli/test_evaluate_tables.py",
     "cli/train*.py": "cli/test_main.py",
     "cli/train_peer.py": "peers/test_commands.py",
+    "cli/scan_options.py": "cli/test_evaluate.py",
     "cli/usage.py": "cli/test_depth.py",
     "database/*.py": "database/test_database.py",
     "database/codes*.py": "database/test_token_table.py",
