@@ -125,6 +125,8 @@ def test_the_other_format_has_the_same_surface_materials_and_credit(tmp_path, re
     if other == "glb":
         assert {one["name"] for one in read_gltf_file(file).content["materials"]} == {"oak wood", "fabric"}
         assert len(read_gltf_file(file).content["images"]) == 1
+        shine = [one["pbrMetallicRoughness"]["metallicFactor"] for one in read_gltf_file(file).content["materials"]]
+        assert shine == [0, 0]
     else:
         assert text.count("usemtl") >= 2
         assert [one.suffix for one in sorted(file.parent.glob("fit_*"))] == [".png"]
@@ -226,3 +228,20 @@ def test_credit_is_in_the_asset(tmp_path, textured_glb):
     assert asset["copyright"] == "Ann Lee, CC0-1.0"
     assert asset["extras"]["model_id"] == "chair/a"
     json.dumps(asset)
+
+
+def test_a_mesh_compressed_by_draco_comes_out_plain_with_its_uvs(tmp_path, textured_glb):
+    import trimesh
+
+    packed = tmp_path / "packed.glb"
+    scene = trimesh.load_scene(textured_glb, process=False)
+    packed.write_bytes(scene.export(file_type="glb", extension_draco=True))
+    assert "KHR_draco_mesh_compression" in read_gltf_file(packed).content["extensionsRequired"]
+    mesh, appearance = read_mesh_appearance(packed)
+    file = write(tmp_path / "out", appearance, mesh.vertices, mesh.vertices, "fit.glb")
+    content = read_gltf_file(file).content
+    assert "KHR_draco_mesh_compression" not in json.dumps(content)
+    np.testing.assert_allclose(read_mesh(file).vertices, mesh.vertices, atol=1e-6)
+    found = glb_content(file)
+    assert sum("TEXCOORD_0" in one for one in found[5]) == 6
+    assert {one["name"] for one in found[2]} == {"oak wood", "fabric"}

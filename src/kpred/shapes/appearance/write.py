@@ -58,6 +58,9 @@ def _glb_of_obj(files: Mapping[str, bytes], name: str, credit: Credit) -> bytes:
         if isinstance(material, trimesh.visual.material.SimpleMaterial):
             mesh.visual.material = material.to_pbr()
             mesh.visual.material.name = label
+            # Materials of MTL are no metals, and seen from both sides; glTF's defaults are the other way.
+            mesh.visual.material.metallicFactor = 0.0
+            mesh.visual.material.doubleSided = True
         node = key.removesuffix(f"_{label}")
         node = key if node in scene.geometry else node
         scene.add_geometry(mesh, node_name=node, geom_name=node)
