@@ -10,6 +10,7 @@ import pytest
 
 from kpred.database import Database, update_database
 from kpred.database import postgres as postgres_backend
+from kpred.database.build import open_or_create
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
 
@@ -205,3 +206,25 @@ def test_addresses_that_lead_nowhere(server):
     with pytest.raises(DatabaseError) as caught:
         Database.open("postgresql://nobody:secret@localhost:1/x", timeout=1.0)
     assert "secret" not in str(caught.value)
+
+
+def test_two_first_builds_share_the_tables(address, random_entry):
+    """Neither finds tables; one makes them, the other waits and uses them."""
+    barrier, errors = threading.Barrier(2), []
+
+    def first_build(number):
+        barrier.wait()
+        try:
+            with open_or_create(address, exists=False) as database:
+                database.add([random_entry(f"c{number}-{row}") for row in range(3)], model_name="tiny")
+        except DatabaseError as error:
+            errors.append(str(error))
+
+    threads = [threading.Thread(target=first_build, args=(number,)) for number in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert errors == []
+    with Database.open(address) as database:
+        assert len(database) == 6

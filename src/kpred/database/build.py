@@ -135,7 +135,7 @@ def _built(
     there = Database.exists(path)
     if resume or not there:
         try:
-            with _opened(path, there) as database:
+            with open_or_create(path, there) as database:
                 return run(database)
         finally:
             if not (there or keep_empty or is_address(path)):
@@ -151,9 +151,16 @@ def _built(
     return report
 
 
-def _opened(path: str | os.PathLike[str], there: bool) -> Database:
-    """Open the database at a place, or make it; one that another process makes meanwhile is opened."""
-    if there:
+def open_or_create(path: str | os.PathLike[str], exists: bool) -> Database:
+    """Open the database at a place, or create it; one that another process creates meanwhile is opened.
+
+    Args:
+        exists: whether there was a database a moment ago.
+
+    Raises:
+        DatabaseError: it can be neither opened nor created.
+    """
+    if exists:
         return Database.open(path)
     try:
         return Database.create(path)
