@@ -45,6 +45,8 @@ def test_the_same_answers_as_a_file(address, random_entry, assert_same, tmp_path
         assert server.model_ids("chair") == file.model_ids("chair")
         assert server.categories() == ("chair", "table")
         assert server.info()["categories"] == file.info()["categories"]
+        assert server.info()["licences"] == file.info()["licences"]
+        assert server.all_metadata() == file.all_metadata()
         assert server.info()["bytes"] > 0
         check_search(server, random_entry, ["Z", *(f"c{i}é'\"%:x" for i in range(6))])
         left, right = server.candidates("chair"), file.candidates("chair")

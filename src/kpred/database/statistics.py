@@ -38,9 +38,10 @@ def read_statistics(connection: Connection) -> dict[str, Any]:
 
 def read_licences(connection: Connection) -> dict[str, int]:
     """Count the models of each licence; an empty name is of those of which none is known."""
-    licence = func.coalesce(ModelRow.meta["licence"].as_string(), "")
-    found = connection.execute(select(licence, func.count()).group_by(licence)).all()
-    return {str(name): int(count) for name, count in sorted(found)}
+    # A subquery: PostgreSQL does not see that an expression with parameters is the one that it groups by.
+    names = select(ModelRow.meta["licence"].as_string().label("licence")).subquery()
+    found = connection.execute(select(names.c.licence, func.count()).group_by(names.c.licence)).all()
+    return {str(name or ""): int(count) for name, count in sorted(found, key=lambda row: row[0] or "")}
 
 
 def read_metadata(connection: Connection, category: str | None = None) -> dict[str, dict[str, Any]]:
