@@ -15,15 +15,16 @@ class DamagedArray(ValueError):
 def pack_array(array: np.ndarray, dtype: str, step: float | None = None) -> dict[str, Any]:
     """Pack an array into the columns dtype, shape, step, codec, data.
 
-    With a `step` the array is stored as whole multiples of it, in the integers `dtype`, or as float32 where these
-    are too small. The bytes are compressed in the order that makes them smallest (`_ORDERS`), and left as they are
-    where that does not pay.
+    With a `step` the array is stored as whole multiples of it, in the integers `dtype` or, where these are too small,
+    in int32; as float32 where float32 would not hold the multiples exactly. The bytes are compressed in the order that
+    makes them smallest (`_ORDERS`), and left as they are where that does not pay.
     """
     source = np.asarray(array)
     if step is not None:
         multiples = np.rint(np.asarray(source, dtype=np.float64) / step)
-        if np.abs(multiples).max(initial=0.0) <= np.iinfo(dtype).max:
-            source = multiples
+        largest = np.abs(multiples).max(initial=0.0)
+        if largest <= _EXACT:
+            source, dtype = multiples, dtype if largest <= np.iinfo(dtype).max else "<i4"
         else:
             source, dtype, step = on_grid(source, step), "<f4", None
     stored = np.ascontiguousarray(source.astype(dtype))
@@ -83,3 +84,6 @@ _MAX_COLUMNS = 8
 """Coordinates and corners are alike by column; of wider arrays it is not tried."""
 
 _SMALL = tuple(np.dtype(name) for name in ("<i1", "<u1", "<i2"))
+
+_EXACT = 2**24
+"""Integers up to this are numbers of float32."""

@@ -8,7 +8,7 @@ below the error of a fit (its mean distance is some hundredths of the unit box):
 - points: whole multiples of 2^-14 of the unit box (half a step is 0.03 mm for furniture of 2 m);
 - vertex_basis: whole multiples of 2^-12, which is the spacing of float16 between 0.25 and 0.5, where the large weights
   lie; small weights compress better than as float16;
-- point_basis: whole multiples of 2^-10: moving keypoints by 0.3 shifts a point by 0.0003 too much or too little;
+- point_basis: whole multiples of 2^-9: moving keypoints by 0.3 shifts a point by 0.0003 too much or too little;
 - point_normals: whole multiples of 1/127, half a degree off at most;
 - structure: float32.
 """
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from kpred.database.arrays import DamagedArray, on_grid, pack_array
+from kpred.database.curve_coding import pack_along_curve
 from kpred.database.structure_arrays import (
     NORMAL_STEP,
     check_point_structure,
@@ -38,7 +39,7 @@ APPEARANCE = "appearance"
 
 POINT_STEP = 2.0**-14
 VERTEX_BASIS_STEP = 2.0**-12
-POINT_BASIS_STEP = 2.0**-10
+POINT_BASIS_STEP = 2.0**-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +139,10 @@ def pack_arrays(entry: Entry) -> dict[str, dict[str, Any]]:
         "vertices": pack_array(entry.mesh.vertices, "<f4"),
         "faces": pack_array(entry.mesh.faces, "<u2" if narrow else "<i4"),
         "points": pack_array(entry.points, "<i2", POINT_STEP),
-        "point_basis": pack_array(entry.point_basis, "<i2", POINT_BASIS_STEP),
-        "vertex_basis": pack_array(entry.vertex_basis, "<i2", VERTEX_BASIS_STEP),
+        "point_basis": pack_along_curve(entry.point_basis, "<i2", POINT_BASIS_STEP, on_grid(entry.points, POINT_STEP)),
+        "vertex_basis": pack_along_curve(
+            entry.vertex_basis, "<i2", VERTEX_BASIS_STEP, np.asarray(entry.mesh.vertices, np.float32)
+        ),
         **pack_structure(entry.structure, entry.point_parts, entry.point_normals),
     }
     if entry.mesh.face_parts is not None:
