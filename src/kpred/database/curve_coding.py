@@ -43,7 +43,7 @@ def pack_along_curve(
 
 
 def unpack_along_curve(
-    dtype: str, shape: str, step: float, data: bytes, places: Float[np.ndarray, "points 3"]
+    dtype: str, shape: str, step: float | None, data: bytes, places: Float[np.ndarray, "points 3"]
 ) -> Float[np.ndarray, "points k"]:
     """Undo `pack_along_curve` for an array of codec `CODEC`; float32.
 
@@ -51,6 +51,8 @@ def unpack_along_curve(
         DamagedArray: the bytes make up no such array, or not one of so many places.
     """
     try:
+        if step is None:
+            raise ValueError("a curve without a step")
         kind, (count, columns) = np.dtype(dtype), (int(size) for size in shape.split(","))
         numbers = np.frombuffer(zlib.decompress(data), np.uint8).reshape(kind.itemsize, -1).T.tobytes()
         folded = np.frombuffer(numbers, kind.str.replace("i", "u")).reshape(columns, count).T
