@@ -59,7 +59,7 @@ def database_source(
 
 @contextmanager
 def _place(files: Sequence[Path], model: Model, seed: int, cache: Path | None) -> Iterator[Path]:
-    """Where the database is built: in a folder that goes at the end, or in the cache."""
+    """Choose where the database is built: in a folder that is removed at the end, or in the cache."""
     if cache is None:
         with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
             yield Path(folder) / "source.kpred"

@@ -73,7 +73,7 @@ def draw_tile(tile: Tile) -> np.ndarray:
 
 
 def draw_contact_sheet(tiles: Sequence[Tile], columns: int = COLUMNS) -> Image.Image:
-    """All tiles row by row, each with its labels above; at least one tile."""
+    """Draw at least one tile, row by row, each with its labels above."""
     columns = min(columns, len(tiles))
     lines = max(len(tile.lines) for tile in tiles)
     width, height = 3 * PANEL + 2 * MARGIN, PANEL + LINE * lines + 2 * MARGIN
@@ -116,7 +116,7 @@ def _canvas() -> np.ndarray:
 
 
 def _camera(tile: Tile) -> Camera:
-    """One that sees scan and result from the front, the side and above; strays of the scan may lie outside."""
+    """Make a camera that sees scan and result from the front, side and above; strays may lie outside."""
     low, high = np.quantile(tile.scan, [0.01, 0.99], axis=0)
     if tile.result is not None:
         vertices = np.asarray(tile.result.vertices, dtype=np.float64)

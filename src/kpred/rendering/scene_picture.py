@@ -81,7 +81,7 @@ def _scan(scene_fit: SceneFit) -> Layer:
 
 
 def _models(scene_fit: SceneFit) -> tuple[Layer, Float[np.ndarray, "objects 3"]]:
-    """All fitted models as one layer, and where their names stand, above each."""
+    """Make one layer of all fitted models, and find where their names stand, above each."""
     turn = scene_fit.scan_to_glb()[:3, :3]
     vertices, triangles, painted = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [np.zeros((0, 3))]
     anchors = []
@@ -103,7 +103,7 @@ def _models(scene_fit: SceneFit) -> tuple[Layer, Float[np.ndarray, "objects 3"]]
 
 
 def _is_one_sided(points: Float[np.ndarray, "points 3"], faces: Int[np.ndarray, "faces 3"]) -> bool:
-    """Whether nearly all level faces look up, as floors and table tops of a well-oriented scan do."""
+    """Decide whether nearly all level faces look up, as floors and table tops of a well-oriented scan do."""
     if not len(faces):
         return False
     corners = points[faces].astype(np.float64)

@@ -27,7 +27,7 @@ class Shape(NamedTuple):
     """One shape of a source: y up, front +z; split is source, train or val.
 
     `details`: what a manifest says of it, by column (title, author, licence, source, width, ...); `appearance`: what
-    its file holds beside positions, where it was asked for.
+    its file holds beside positions, where it is wanted.
     """
 
     model_id: str

@@ -38,7 +38,7 @@ class Reliability:
     Attributes:
         bins: those that hold a fit, by rising confidence; n: number of fits.
         ece: expected calibration error, 0 (calibrated) to 1.
-        auc: 0.5 where confidence tells nothing, 1 where it tells all; None unless there are right and wrong fits.
+        auc: 0.5 if confidence says nothing, 1 if it separates right from wrong; None without both.
     """
 
     bins: tuple[Bin, ...]

@@ -2,7 +2,7 @@
 
 The law: a surface is symmetric under a turn about the vertical axis through the middle of its box if it and its turned
 copy lie on average less than `TOLERANCE` from each other (both ways), and of neither more than `STRAY_FRACTION` is
-farther than `STRAY_DISTANCE`: a shelf's missing front is a small part of its surface, and yet tells front from back.
+farther than `STRAY_DISTANCE`: a shelf's missing front is a small part of its surface, and yet front and back differ.
 Distances are fractions of the longer horizontal side, since height does not make a turn smaller.
 """
 
@@ -82,7 +82,7 @@ def vertical_symmetry(surface: Float[np.ndarray, "points 3"]) -> Symmetry:
 
 
 def turned(points: Float[np.ndarray, "points 3"], degrees: float) -> Float[np.ndarray, "points 3"]:
-    """Points turned about +y through the origin; +z goes towards +x."""
+    """Rotate points about +y through the origin; +z goes towards +x."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.stack([c * points[:, 0] + s * points[:, 2], points[:, 1], c * points[:, 2] - s * points[:, 0]], axis=1)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 DPI = 150
 
 COLORS = ("#3566a8", "#d1495b", "#3a9276", "#e0a030", "#7a5aa6", "#5b6470", "#2aa3c4", "#a5673f")
-"""Of curves and categories, told apart by people with any colour vision where there are few."""
+"""Of curves and categories; the first few differ for any colour vision."""
 
 
 def check_figure(path: str | os.PathLike[str]) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def occlusion_figure(tables: Sequence[Table], methods: Sequence[str], whole: bool) -> Figure:
-    """One row of axes for each data set, one column for each category.
+    """Draw one row of axes for each data set, one column for each category.
 
     Args:
         tables: of the kind `partial`, or ablations.

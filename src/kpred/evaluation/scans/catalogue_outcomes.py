@@ -39,7 +39,7 @@ class CatalogueOutcome(FitOutcome):
         step: how far the result's model was changed; yaw: error in degrees up to symmetry.
         distance: from the true surface to the result; undeformed_distance: to the result's model as it is, placed.
         thickness: of each board of the result against that of the model itself; of the right model alone.
-        result: its mesh in the true unit box, if it was asked for.
+        result: its mesh in the true unit box, if it is wanted.
     """
 
     model_id: str
@@ -117,7 +117,7 @@ def _rank(found: Fit, model_id: str) -> int | None:
 
 
 def _thickness(found: Fit, target: ScanTarget) -> list[float]:
-    """Of the right model alone: the size of another tells nothing."""
+    """Measure boards of the right model alone: the size of another means nothing."""
     if found.source.model_id != target.model_id:
         return []
     vertices = target.frame.to_unit(np.asarray(found.mesh.vertices, dtype=np.float64))

@@ -90,7 +90,7 @@ class CropOutcome(FitOutcome):
 def read_crops(folder: str | os.PathLike[str], up: str | None = None) -> list[Crop]:
     """List the crops of a folder: `<category>_<nn>.ply`, or what its `index.json` lists.
 
-    The index is a list of objects with `file`, `category` and `up`; without it names tell the category, and up is y.
+    The index is a list of objects with `file`, `category` and `up`; without it names give the category, and up is y.
 
     Args:
         up: up axis of all crops; None takes what the index says.
@@ -221,7 +221,7 @@ def _of_cleanliness(found: Sequence[Cleanliness], scope: Scope) -> list[Summary]
 
 
 def _up_right(found: Fit, crop: Crop) -> bool:
-    """Whether the axis that the fit takes for up is the crop's."""
+    """Compare the axis that the fit takes for up with the crop's."""
     return bool((found.frame.rotation @ np.array(UP_AXES[crop.up], dtype=np.float64))[1] > 0.9)
 
 

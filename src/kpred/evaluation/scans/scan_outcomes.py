@@ -52,7 +52,7 @@ class ScanOutcome(FitOutcome):
         yaw: error in degrees up to symmetry.
         up: the axis that is found to point up if the scan lies with z up and its up axis is not given.
         unknown, known: errors of the results, None where there is none.
-        result: mesh of the unknown fit in the true unit box, if it was asked for.
+        result: mesh of the unknown fit in the true unit box, if it is wanted.
     """
 
     model_id: str

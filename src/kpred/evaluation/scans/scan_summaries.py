@@ -6,7 +6,7 @@ see `kpred.evaluation.scans.virtual_scans`):
     ucd_visible_unknown, ucd_visible_known, ucd_visible_ratio   from what the camera saw, without noise
     distance_whole_unknown   mean distance from the whole true surface to the result
     yaw_right, yaw_error     within 15 degrees up to symmetry; also for each class of symmetry
-    up_axis_right            the scan with z up, and nobody says so; all axes are possible
+    up_axis_right            the scan with z up, its up axis not given; all axes are possible
     category_right           of all targets
     centre_error, size_error of the result's box
     right                    category and yaw right and the whole surface within 0.1 unit box on average
@@ -38,7 +38,7 @@ DOUBTED = 0.5
 
 
 def summarise(outcomes: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
-    """All summaries of some outcomes; UCD and its ratio over those for which both fits gave a result."""
+    """Summarize some outcomes; UCD and its ratio over those for which both fits gave a result."""
     targets = [outcome for outcome in outcomes if outcome.category != OTHER]
     others = [outcome for outcome in outcomes if outcome.category == OTHER]
     return _of_targets(targets, scope) + _of_others(others, scope)

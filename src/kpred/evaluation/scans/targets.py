@@ -108,7 +108,7 @@ def make_scan_target(mesh: Mesh, model_id: str, seed: int, views: int = 1, own_s
 
 
 def random_camera(generator: torch.Generator) -> Float[Tensor, "3"]:
-    """Where the camera stands in the unit box; it looks at the middle."""
+    """Draw where the camera stands in the unit box; it looks at the middle."""
     azimuth, elevation, distance = torch.rand(3, generator=generator).tolist()
     azimuth *= 2 * math.pi
     elevation = math.radians(_between(ELEVATION, elevation))
@@ -136,7 +136,7 @@ def degraded(
 
 
 def random_frame(generator: torch.Generator) -> Frame:
-    """Where the object stands: upright, turned about y."""
+    """Draw where the object stands: upright, rotated about y."""
     turn, size, *offset = torch.rand(5, generator=generator, dtype=torch.float64).tolist()
     return Frame(
         center=(np.array(offset) * 2 - 1) * OFFSET,

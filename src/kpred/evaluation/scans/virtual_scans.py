@@ -51,7 +51,7 @@ class ScansReport(ScanReport[ScanOutcome]):
     Attributes:
         confusion: true category -> category found -> how many.
         reliability: of the confidence, other things counting as wrong; None where no result had one.
-        tiles: pictures of the worst and of some typical targets, if they were asked for.
+        tiles: pictures of the worst and of some typical targets, if they are wanted.
     """
 
     confusion: dict[str, dict[str, int]]
@@ -166,7 +166,7 @@ def _measure(target: ScanTarget, category: str, settings: FitSettings, keep_mesh
 
 def _check_store(store: Database, file: Path, pack: MeshPack, split: str, report: Callable[[str], None]) -> None:
     if pack.category != OTHER and pack.category not in store.categories():
-        raise DatabaseError(f"Database {store.path}: it holds no {pack.category}, which {file} asks for; add some.")
+        raise DatabaseError(f"Database {store.path}: it holds no {pack.category}, which {file} needs; add some.")
     known = set(store.model_ids()) & set(pack.model_id[pack.indices(split)].tolist())
     if known:
         report(f"{file}: {len(known)} shapes of its split '{split}' are in the database; their errors say little.")

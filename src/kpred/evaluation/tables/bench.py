@@ -1,6 +1,6 @@
 """The bench: all methods predict for the same points of a target, and their results are scored alike.
 
-Protocols. `full`: the whole surface is seen, and methods are told so; Chamfer distance (CD). `partial`: a random plane
+Protocols. `full`: the whole surface is seen, which methods know; Chamfer distance (CD). `partial`: a random plane
 hides a fraction of the points while the frame stays that of the whole shape; distance from the seen points to the
 result alone (UCD), and, of the same result, from the whole surface. References need no method:
     sampling_floor       a second sample of the target: the error of a perfect result
@@ -91,7 +91,7 @@ def prepare(methods: list[Method], sources: Sources) -> list[tuple[str, Searcher
 
 
 def check_names(names: list[str]) -> None:
-    """Refuse names that do not tell methods apart.
+    """Refuse names that are empty or not unique.
 
     Raises:
         ConfigError: a name is empty or given twice.

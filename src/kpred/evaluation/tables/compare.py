@@ -102,7 +102,7 @@ def check_comparable(first: Table, second: Table) -> None:
 
 
 def settings_changed(first: Table, second: Table, a: str | None = None, b: str | None = None) -> list[str]:
-    """One line for each setting of the networks in which the two models differ; none where one is another method."""
+    """List settings in which the networks of two models differ; none if one is another method."""
     one, other = (
         table.header["models"][_model(table, name, which)].get("settings", {})
         for table, name, which in ((first, a, "first"), (second, b, "second"))

@@ -167,7 +167,7 @@ def _partial(table: Table, dataset: str) -> Iterator[Page]:
 
 
 def _top_k(table: Table, dataset: str) -> Iterator[Page]:
-    """Numbers of candidates side by side, a page for each category."""
+    """Lay out numbers of candidates side by side, a page for each category."""
     for category in table.categories(dataset):
         yield pivot(
             table,

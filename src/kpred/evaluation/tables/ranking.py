@@ -70,7 +70,7 @@ class Ranking:
         return int(np.flatnonzero(self._rows(order) == self.refined.argmin())[0]) + 1
 
     def nearly_best_in(self, order: str, top_k: int) -> bool:
-        """Whether a model as good as the true best is among the first `top_k` of an order."""
+        """Decide whether a model as good as the true best is in the first `top_k` of an order."""
         return bool(self.refined[self._rows(order)[:top_k]].min() <= NEARLY * self.refined.min())
 
     def correlation(self, order: str) -> float:

@@ -143,7 +143,7 @@ class _Benches:
         self._of: dict[str, Bench] = {}
 
     def knows(self, category: str | None) -> bool:
-        """Whether all models and databases do."""
+        """Decide whether all models and databases know a category."""
         return category is not None and all(
             category in model.categories and category in self.stores[name].categories()
             for name, model in self.models.items()

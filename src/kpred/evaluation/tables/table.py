@@ -107,7 +107,7 @@ class Table:
         self.values.setdefault(series, {})[subject] = value
 
     def subjects(self) -> list[Subject]:
-        """All targets, in the order they came in."""
+        """List all targets, in the order they came in."""
         return list(dict.fromkeys(subject for values in self.values.values() for subject in values))
 
     def datasets(self) -> list[str]:
@@ -147,7 +147,7 @@ class Table:
         return ratio_interval([over[s] for s in shared], [under[s] for s in shared], seed)
 
     def cells(self) -> Iterator[Cell]:
-        """All cells, data set after data set, series after series."""
+        """Yield all cells, data set after data set, series after series."""
         for dataset in self.datasets():
             for series in self.series(dataset):
                 for category in self.categories(dataset):
@@ -204,7 +204,7 @@ def read_table(path: str | Path) -> Table:
 
 
 def table_files(path: str | Path) -> tuple[Path, Path, Path]:
-    """Where a table goes: everything (.json), its cells (.csv), and its values target by target (.targets.csv).
+    """List a table's files: all (.json), its cells (.csv), its values target by target (.targets.csv).
 
     Raises:
         OutputError: the extension is not .json or .csv, or a file cannot be written there.
@@ -241,7 +241,7 @@ def write_table(table: Table, path: str | Path) -> tuple[Path, ...]:
 
 
 def merged(tables: Iterable[Table], header: Mapping[str, Any]) -> Table:
-    """One table of several tables' values, under another header."""
+    """Join the values of several tables under another header."""
     whole = Table(dict(header))
     for table in tables:
         for series, values in table.values.items():

@@ -46,7 +46,7 @@ def appearance_files(
 
 
 def _glb_of_obj(files: Mapping[str, bytes], name: str, credit: Credit) -> bytes:
-    """Convert by trimesh, which knows no options of textures, and forgets the names of materials."""
+    """Convert by trimesh, which knows no options of textures, and drops the names of materials."""
     plain = {key: strip_map_options(value) if key.endswith(".mtl") else value for key, value in files.items()}
     loaded = trimesh.load_scene(
         io.BytesIO(files[name]), file_type="obj", resolver=plain, split_objects=True, process=False
