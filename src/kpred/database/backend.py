@@ -12,6 +12,7 @@ from sqlalchemy import Connection
 
 from kpred.database.search import Index
 from kpred.errors import DatabaseError
+from kpred.ops.typing import Float
 
 ATTEMPTS = 4
 """Number of attempts before a lost connection is reported."""
@@ -45,7 +46,7 @@ class Added(NamedTuple):
 
     model: int
     category: int
-    tokens: np.ndarray
+    tokens: Float[np.ndarray, "keypoints token_size"]
 
 
 @runtime_checkable

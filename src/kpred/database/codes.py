@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpred.database.codes_cpu import LANES, bounds_cpu, encode_cpu
+from kpred.ops.typing import Float, UInt8
 
 GROUP = 2
 """Keypoints of a plane: what is read at once of a model before it can be given up (256 bytes of tokens of 128)."""
@@ -57,11 +58,13 @@ class Quantiser:
         lowest: (K, C) float64, the code 0 of each dimension; step: (K,) float64, the worth of one code.
     """
 
-    lowest: np.ndarray
-    step: np.ndarray
+    lowest: Float[np.ndarray, "keypoints token_size"]
+    step: Float[np.ndarray, " keypoints"]
 
     @classmethod
-    def of_range(cls, lowest: np.ndarray, highest: np.ndarray) -> Quantiser:
+    def of_range(
+        cls, lowest: Float[np.ndarray, "keypoints token_size"], highest: Float[np.ndarray, "keypoints token_size"]
+    ) -> Quantiser:
         """Build a quantiser for tokens between `lowest` and `highest` (K, C)."""
         span = (highest.astype(np.float64) - lowest).max(axis=1)
         return cls(lowest.astype(np.float64), np.maximum(span / _LEVELS, 1e-12))
@@ -71,7 +74,9 @@ class Quantiser:
         """(K,) the worth of one step of the stored errors: 255 of them are more than rounding can miss."""
         return self.step * (0.5000001 * self.lowest.shape[1] / _LEVELS)
 
-    def encode(self, tokens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def encode(
+        self, tokens: np.ndarray
+    ) -> tuple[UInt8[np.ndarray, "models keypoints token_size"], UInt8[np.ndarray, "models keypoints"]]:
         """Quantise tokens (M, K, C) to codes (M, K, C) and errors (M, K), rounded up, both uint8."""
         return encode_cpu(tokens, self.lowest, self.step, self.error_unit)
 

@@ -15,6 +15,7 @@ from kpred.database.backend import Added
 from kpred.database.entry import Entry, pack_arrays, pack_frame
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, ModelRow
 from kpred.errors import DatabaseError
+from kpred.ops.typing import Float
 
 _CATEGORY = ("fingerprint", "model_name", "keypoint_count", "token_size")
 _MODEL = ("meta", "frame", "vertex_count", "face_count", "point_count")
@@ -33,7 +34,7 @@ class ModelRecord:
     descriptor: dict[str, bytes]
     arrays: tuple[dict[str, Any], ...]
 
-    def tokens(self) -> np.ndarray:
+    def tokens(self) -> Float[np.ndarray, "keypoints token_size"]:
         """Return the tokens (K, C) float16."""
         shape = (self.weights["keypoint_count"], self.weights["token_size"])
         return np.frombuffer(self.descriptor["tokens"], "<f2").reshape(shape)

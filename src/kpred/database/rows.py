@@ -144,7 +144,9 @@ def count_tokens(connection: Connection, category: str) -> CategoryTokens | None
     return CategoryTokens(row.name, row.id, row.fingerprint, row.keypoint_count, row.token_size, models, last or 0)
 
 
-def read_tokens(connection: Connection, counted: CategoryTokens, after: int = 0) -> tuple[tuple[str, ...], np.ndarray]:
+def read_tokens(
+    connection: Connection, counted: CategoryTokens, after: int = 0
+) -> tuple[tuple[str, ...], Float[np.ndarray, "models keypoints token_size"]]:
     """Read ids in ascending order and tokens (M, K, C) float32 of a category, in rows after `after`."""
     found = connection.execute(_tokens(counted, after)).all()
     # Sorted here: two databases need not agree on the order of letters.

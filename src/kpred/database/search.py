@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from kpred.errors import DatabaseError
+from kpred.ops.typing import Float
 
 _ROUNDING = 1e-4
 """Float32 sums of 12 x 128 differences are off by much less than this fraction."""
@@ -26,7 +27,7 @@ class SearchResult:
     """The nearest models, nearest first; models at the same distance by their id."""
 
     model_ids: tuple[str, ...]
-    distances: np.ndarray
+    distances: Float[np.ndarray, " models"]
     """(k,) weighted L1 distances, in units of the tokens"""
 
 
@@ -51,7 +52,7 @@ class Index(Protocol):
 class TokenIndex:
     """The tokens of one category in memory, laid out for one pass over each keypoint."""
 
-    def __init__(self, model_ids: tuple[str, ...], tokens: np.ndarray) -> None:
+    def __init__(self, model_ids: tuple[str, ...], tokens: Float[np.ndarray, "models keypoints token_size"]) -> None:
         """Build an index of M ids in ascending order and tokens (M, K, C)."""
         self.model_ids = model_ids
         self.tokens = torch.from_numpy(np.ascontiguousarray(tokens.transpose(1, 0, 2), dtype=np.float32))
@@ -78,7 +79,7 @@ class TokenIndex:
         return nearest([self.model_ids[row] for row in rows], distances, top_k)
 
 
-def checked_query(query: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def checked_query(query: np.ndarray, shape: tuple[int, int]) -> Float[np.ndarray, "keypoints token_size"]:
     """Return `query` as finite float32 (K, C), or raise DatabaseError."""
     array = np.asarray(query, dtype=np.float32)
     if array.shape != shape or not np.isfinite(array).all():
@@ -89,7 +90,7 @@ def checked_query(query: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return array
 
 
-def checked_weights(weights: np.ndarray | None, count: int) -> np.ndarray:
+def checked_weights(weights: np.ndarray | None, count: int) -> Float[np.ndarray, " keypoints"]:
     """Return `weights` as float32 (count,), all 1 for None, or raise DatabaseError when they are no weights."""
     if weights is None:
         return np.ones(count, np.float32)
@@ -106,7 +107,11 @@ def checked_top_k(top_k: int) -> int:
     return top_k
 
 
-def exact_distances(tokens: np.ndarray, query: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def exact_distances(
+    tokens: Float[np.ndarray, "models keypoints token_size"],
+    query: Float[np.ndarray, "keypoints token_size"],
+    weights: np.ndarray,
+) -> Float[np.ndarray, " models"]:
     """Compute weighted L1 distances (M,) in float64 of tokens (M, K, C) to `query` (K, C)."""
     differences = np.subtract(tokens, query, dtype=np.float64, order="C")
     per_keypoint = np.abs(differences, out=differences).sum(axis=2)
@@ -116,7 +121,7 @@ def exact_distances(tokens: np.ndarray, query: np.ndarray, weights: np.ndarray) 
     return distances
 
 
-def nearest(model_ids: Sequence[str], distances: np.ndarray, top_k: int) -> Ranking:
+def nearest(model_ids: Sequence[str], distances: Float[np.ndarray, " models"], top_k: int) -> Ranking:
     """Select the `top_k` smallest of `distances` (M,), ties by id."""
     return sorted(zip(distances.tolist(), model_ids, strict=True))[: checked_top_k(top_k)]
 

@@ -23,6 +23,7 @@ from kpred.database.search import (
     exact_distances,
     nearest,
 )
+from kpred.ops.typing import Float, UInt8
 
 _FIRST_ROWS = 64
 
@@ -56,10 +57,10 @@ class TokenTable:
 
     key: TableKey
     quantiser: Quantiser
-    half: np.ndarray
-    codes: np.ndarray
-    errors: np.ndarray
-    id_bytes: np.ndarray
+    half: Float[np.ndarray, "models keypoints token_size"]
+    codes: UInt8[np.ndarray, "groups models planes size"]
+    errors: UInt8[np.ndarray, "groups models planes"]
+    id_bytes: UInt8[np.ndarray, " bytes"]
     id_ends: np.ndarray
     release: Callable[[], None] | None = None
 

@@ -204,7 +204,7 @@ class _Cleaning:
         chosen = rows
         if len(rows) > 5 * min_count:
             # The grid is several times finer than the Poisson distance, so that it leaves no pattern.
-            chosen = rows[voxel_representatives(self.points[rows], 4 * min_count)[0]]
+            chosen = rows[voxel_representatives(self.points[rows], 4 * min_count).rows]
         subset, distance = poisson_disc(self.points[chosen], min_count, seed)
         if distance == 0.0:
             self.steps.append(CleaningStep("density", 0, f"{len(rows)} points are too few to thin"))

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from kpred.ops.typing import Float, Int
 
 
-def voxel_representatives(
-    points: Float[np.ndarray, "points 3"], count: int
-) -> tuple[Int[np.ndarray, " cells"], Int[np.ndarray, " points"], float]:
-    """Select one point for each occupied cell of a grid with about `count` occupied cells.
+class VoxelGrid(NamedTuple):
+    """Cells of a cloud.
 
-    Returns:
-        Index of the point nearest to the middle of each cell's points; the cell of each point; edge of a cell.
+    Attributes:
+        rows: (C,) index of the point nearest to the middle of each cell's points.
+        cell: (N,) cell of each point; edge: of a cell.
     """
+
+    rows: Int[np.ndarray, " cells"]
+    cell: Int[np.ndarray, " points"]
+    edge: float
+
+
+def voxel_representatives(points: Float[np.ndarray, "points 3"], count: int) -> VoxelGrid:
+    """Select one point for each occupied cell of a grid with about `count` occupied cells."""
     low = points.min(axis=0)
     edge = float((points.max(axis=0) - low).max()) / np.sqrt(max(count, 4) / 4.0)
     cell = np.zeros(len(points), dtype=np.int64)
@@ -35,7 +44,7 @@ def voxel_representatives(
     # By cell, then by distance to its middle, in one sort: distances within a cell are below three squared edges.
     order = np.argsort(cell + np.minimum(off / (4.0 * max(edge, np.finfo(float).tiny) ** 2), 0.999), kind="stable")
     first = np.cumsum(members) - members
-    return order[first], cell, edge
+    return VoxelGrid(order[first], cell, edge)
 
 
 def poisson_disc(

@@ -15,13 +15,14 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpred.atomic import atomic_path
 from kpred.errors import MeshError, ScanError
+from kpred.ops.typing import Float
 from kpred.shapes.categories import SYNSETS, category_of
 from kpred.shapes.formats.text_lines import open_lines
 from kpred.shapes.reading import check_file, reading
@@ -116,11 +117,19 @@ def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) ->
     return matrix
 
 
-def decompose(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Decompose (4, 4) without shear to translation (3,), quaternion w, x, y, z (w >= 0), scale (3,)."""
+class Components(NamedTuple):
+    """Translation (3,), rotation as quaternion w, x, y, z (4,) and scale (3,) of a transform."""
+
+    translation: Float[np.ndarray, "3"]
+    rotation: Float[np.ndarray, "4"]
+    scale: Float[np.ndarray, "3"]
+
+
+def decompose(matrix: Float[np.ndarray, "4 4"]) -> Components:
+    """Decompose a matrix (4, 4) without shear; the quaternion has w >= 0."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     quaternion = Rotation.from_matrix(matrix[:3, :3] / scale).as_quat(canonical=True)
-    return matrix[:3, 3].copy(), quaternion[[3, 0, 1, 2]], scale
+    return Components(matrix[:3, 3].copy(), quaternion[[3, 0, 1, 2]], scale)
 
 
 def read_annotations(path: str | os.PathLike[str], id_scan: str | None = None) -> tuple[SceneAnnotation, ...]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kpred.errors import ConfigError, ScanError
+from kpred.ops.typing import Float, Int
 
 _ROTATION_TOLERANCE = 5e-3
 """How far R R^T of a pose may be from the identity: poses are often written with few digits."""
@@ -31,10 +32,10 @@ class Camera:
         ConfigError: singular or ill-formed intrinsics, a picture without pixels, or a pose that is not rigid.
     """
 
-    intrinsics: np.ndarray
+    intrinsics: Float[np.ndarray, "3 3"]
     width: int
     height: int
-    camera_to_world: np.ndarray = field(default_factory=lambda: np.eye(4))
+    camera_to_world: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
@@ -43,11 +44,13 @@ class Camera:
         object.__setattr__(self, "camera_to_world", check_pose(self.camera_to_world))
 
     @property
-    def origin(self) -> np.ndarray:
+    def origin(self) -> Float[np.ndarray, "3"]:
         """(3,) where the camera stands, in the world."""
         return self.camera_to_world[:3, 3].copy()
 
-    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(
+        self, points: Float[np.ndarray, "*batch 3"]
+    ) -> tuple[Float[np.ndarray, "*batch 2"], Float[np.ndarray, "*batch"]]:
         """Project world points (..., 3) to pixels (..., 2) as (u, v) and depths (...,) along the viewing axis.
 
         Depth is positive in front of the camera; pixels of points with depth <= 0 mean nothing (NaN at depth 0).
@@ -58,13 +61,15 @@ class Camera:
             plane = local / depth[..., None]
         return plane @ self.intrinsics[:2].T, depth
 
-    def unproject(self, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    def unproject(
+        self, pixels: Float[np.ndarray, "*batch 2"] | Int[np.ndarray, "*batch 2"], depth: Float[np.ndarray, "*batch"]
+    ) -> Float[np.ndarray, "*batch 3"]:
         """Unproject pixels (..., 2) as (u, v) and depths (...,) to world points (..., 3)."""
         pixels, depth = np.asarray(pixels, dtype=np.float64), np.asarray(depth, dtype=np.float64)
         rays = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1) @ np.linalg.inv(self.intrinsics).T
         return (rays * depth[..., None]) @ self.camera_to_world[:3, :3].T + self.camera_to_world[:3, 3]
 
-    def to_camera(self, points: np.ndarray) -> np.ndarray:
+    def to_camera(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
         """Transform world points (..., 3) to the camera's axes, (..., 3) float64."""
         moved = np.asarray(points, dtype=np.float64) - self.camera_to_world[:3, 3]
         return moved @ self.camera_to_world[:3, :3]
@@ -86,7 +91,7 @@ class Camera:
         return replace(self, intrinsics=scaling @ self.intrinsics, width=width, height=height)
 
 
-def check_intrinsics(matrix: np.ndarray, name: str = "intrinsics") -> np.ndarray:
+def check_intrinsics(matrix: np.ndarray, name: str = "intrinsics") -> Float[np.ndarray, "3 3"]:
     """Check a (3, 3) or ScanNet's (4, 4) matrix; return (3, 3) float64 with last row 0 0 1.
 
     Raises:
@@ -111,7 +116,7 @@ def check_intrinsics(matrix: np.ndarray, name: str = "intrinsics") -> np.ndarray
     return array.copy()
 
 
-def check_pose(matrix: np.ndarray, name: str = "pose") -> np.ndarray:
+def check_pose(matrix: np.ndarray, name: str = "pose") -> Float[np.ndarray, "4 4"]:
     """Check a (4, 4) or (3, 4) matrix; return (4, 4) float64 with an exact rotation.
 
     Raises:

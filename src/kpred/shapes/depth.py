@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from kpred.errors import ConfigError, ScanError
+from kpred.ops.typing import Bool, Float
 from kpred.shapes.camera import Camera
 from kpred.shapes.picture_file import read_picture
 from kpred.shapes.scan import MINIMUM_POINTS
@@ -47,12 +48,12 @@ class DepthScan:
         pixels: (N, 2) int64 as (column, row), the pixel of each point.
     """
 
-    points: np.ndarray
+    points: Float[np.ndarray, "points 3"]
     camera: Camera
     pixels: np.ndarray
 
     @property
-    def origin(self) -> np.ndarray:
+    def origin(self) -> Float[np.ndarray, "3"]:
         """(3,) place of the sensor in the world."""
         return self.camera.origin
 
@@ -67,19 +68,19 @@ class MergedScan:
         scans: the single views, all their points kept.
     """
 
-    points: np.ndarray
+    points: Float[np.ndarray, "points 3"]
     views: np.ndarray
     scans: tuple[DepthScan, ...]
 
     @property
-    def origins(self) -> np.ndarray:
+    def origins(self) -> Float[np.ndarray, "views 3"]:
         """(views, 3) places of the sensor."""
         return np.stack([scan.origin for scan in self.scans])
 
 
 def read_depth(
     path: str | os.PathLike[str], depth_scale: float | None = None, units_per_metre: float | None = None
-) -> np.ndarray:
+) -> Float[np.ndarray, "height width"]:
     """Read a depth picture, (height, width) float64 metres; 0 where the sensor saw nothing.
 
     Whole numbers (16-bit .png or .tiff, integer .npy) are millimetres and their type's highest value means nothing was
@@ -125,7 +126,7 @@ def write_depth(path: str | os.PathLike[str], depth: np.ndarray) -> None:
         Image.fromarray(picture).save(temporary, format="PNG")
 
 
-def read_mask(path: str | os.PathLike[str], mask_id: int | None = None) -> np.ndarray:
+def read_mask(path: str | os.PathLike[str], mask_id: int | None = None) -> Bool[np.ndarray, "height width"]:
     """Read the pixels of one object, (height, width) bool, from instance ids or a boolean array.
 
     Args:
@@ -211,7 +212,7 @@ def scan_depth(
     return DepthScan(camera.unproject(pixels, depth[rows, columns]), camera, pixels)
 
 
-def flying_pixels(depth: np.ndarray, camera: Camera) -> np.ndarray:
+def flying_pixels(depth: Float[np.ndarray, "height width"], camera: Camera) -> Bool[np.ndarray, "height width"]:
     """Find pixels (height, width) bool that float between surfaces, with mixed depths of front and back.
 
     A pixel flies if it is a step on the way from a front to a back, steep on both sides of it along its row or column,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kpred.errors import ConfigError
+from kpred.ops.typing import Float
 from kpred.shapes.camera import check_intrinsics
 from kpred.shapes.formats.keyed_content import dictionaries, numbers, read_keyed
 from kpred.shapes.intrinsics_keys import (
@@ -38,7 +39,7 @@ class IntrinsicsFile:
         units_per_metre: of whole-number depth pictures; None where the file does not say.
     """
 
-    matrix: np.ndarray
+    matrix: Float[np.ndarray, "3 3"]
     size: Size | None = None
     units_per_metre: float | None = None
 
@@ -70,7 +71,7 @@ def read_intrinsics_file(path: str | os.PathLike[str], picture: Size | None = No
     return IntrinsicsFile(check_intrinsics(matrix, str(file)), size, scale)
 
 
-def read_intrinsics(path: str | os.PathLike[str]) -> tuple[np.ndarray, Size | None]:
+def read_intrinsics(path: str | os.PathLike[str]) -> tuple[Float[np.ndarray, "3 3"], Size | None]:
     """Read intrinsics (3, 3) and the picture's size if the file names it; see `read_intrinsics_file`.
 
     Raises:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.ops.typing import Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ class Mesh:
             object.__setattr__(self, "face_parts", parts)
 
     @property
-    def bounds(self) -> np.ndarray:
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
         """(2, 3) float32: lowest and highest coordinates of the axis-aligned box of all vertices.
 
         Raises:
@@ -58,7 +59,7 @@ class Mesh:
             raise MeshError(f"{self.name or 'mesh'}: it has no vertices, so it has no bounds.")
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
-    def face_areas(self) -> np.ndarray:
+    def face_areas(self) -> Float[np.ndarray, " faces"]:
         """Compute the area (F,) float64 of each face, in squared units of the vertices."""
         # float64 and differences first: far from the origin float32 products would cancel.
         corners = self.vertices[self.faces].astype(np.float64)

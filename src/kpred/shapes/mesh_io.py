@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.shapes.formats.geometry import Geometry as Geometry
 from kpred.shapes.formats.gltf import read_gltf
 from kpred.shapes.formats.obj import read_obj
 from kpred.shapes.formats.off import read_off
@@ -23,15 +23,6 @@ MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 # float32 keeps 24 bits: beyond this distance, in sizes of the object, its surface would move by 0.1 % of that size.
 _MAX_DISTANCE = 1e4
-
-
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """A file's geometry in double precision: (V, 3) vertices, (F, 3) faces (none for a point cloud), (F,) parts."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    parts: np.ndarray
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -78,13 +69,12 @@ def read_geometry(path: Path) -> Geometry:
     check_file(path, MeshError, "mesh file")
     with reading(path, MeshError):
         if extension == ".obj":
-            return Geometry(*read_obj(path))
+            return read_obj(path)
         if extension in (".glb", ".gltf"):
-            return Geometry(*read_gltf(path))
+            return read_gltf(path)
         if extension == ".ply":
-            vertices, faces, _ = read_ply_mesh(path)
-        else:
-            vertices, faces = read_off(path) if extension == ".off" else read_stl(path)
+            return read_ply_mesh(path)
+        vertices, faces = read_off(path) if extension == ".off" else read_stl(path)
         return Geometry(vertices, faces, np.zeros(len(faces), dtype=np.int64))
 
 

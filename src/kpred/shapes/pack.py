@@ -12,6 +12,7 @@ import numpy as np
 
 from kpred.atomic import atomic_path
 from kpred.errors import PackError
+from kpred.ops.typing import Int
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.reading import check_file, reading
 
@@ -166,7 +167,7 @@ class MeshPack:
     def __iter__(self) -> Iterator[Mesh]:
         return (self[i] for i in range(len(self)))
 
-    def indices(self, split: str | None = None) -> np.ndarray:
+    def indices(self, split: str | None = None) -> Int[np.ndarray, " shapes"]:
         """Return the indices (n,) int64 of the shapes of one split, or of all shapes."""
         if split is None:
             return np.arange(len(self))

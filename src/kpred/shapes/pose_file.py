@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpred.errors import ConfigError
+from kpred.ops.typing import Float
 from kpred.shapes.camera import check_pose
 from kpred.shapes.formats.keyed_content import dictionaries, numbers, read_keyed
 
@@ -26,7 +27,7 @@ _POLYCAM = tuple(f"t_{row}{column}" for row in range(3) for column in range(4))
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | None = None) -> np.ndarray:
+def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | None = None) -> Float[np.ndarray, "4 4"]:
     """Read a camera-to-world matrix (4, 4) with x right, y down, z forward.
 
     Files: .txt, .npy, .json, .yaml of the matrix, of a line `[time] tx ty tz qx qy qz qw` (TUM), or of keys. The key

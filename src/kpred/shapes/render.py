@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from kpred.ops.typing import Float, Int
 from kpred.shapes.camera import Camera
 
 NEAR = 1e-3
@@ -16,7 +17,9 @@ _TOUCHING = 1e-7
 """Pixels by which faces reach beyond their edges, so that rounding leaves no cracks between them."""
 
 
-def render_depth(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
+def render_depth(
+    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], camera: Camera
+) -> Float[np.ndarray, "height width"]:
     """Render the depth picture (height, width) of a mesh.
 
     Args:
@@ -30,7 +33,9 @@ def render_depth(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> np.
     return np.where(face >= 0, depth, 0.0)
 
 
-def render_faces(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def render_faces(
+    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], camera: Camera
+) -> tuple[Float[np.ndarray, "height width"], Int[np.ndarray, "height width"]]:
     """Render depth (height, width) float64, infinite where nothing is seen, and the visible face, -1 for none."""
     corners, owner = _in_front(camera.to_camera(vertices), np.asarray(faces, dtype=np.int64))
     inverse = np.zeros(camera.height * camera.width)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import ConfigError, ScanError
+from kpred.ops.typing import Float
 from kpred.shapes.formats.ply_header import read_ply_header
 from kpred.shapes.formats.records import BLOCK_ROWS
 from kpred.shapes.formats.scan_array import npy_points, npz_points
@@ -51,7 +52,7 @@ class ScanWarning(UserWarning):
     """A scan can be used, but may be worse than it should be; the message says why."""
 
 
-def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> np.ndarray:
+def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> Float[np.ndarray, "points 3"]:
     """Read the points of a scan, in the file's own frame and unit.
 
     Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .npy and .npz; columns other than x, y, z are ignored.
@@ -86,7 +87,7 @@ def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int
     return found
 
 
-def check_points(points: np.ndarray, name: str = "scan") -> np.ndarray:
+def check_points(points: np.ndarray, name: str = "scan") -> Float[np.ndarray, "points 3"]:
     """Drop points with NaN or infinite coordinates and check that the others can be an object.
 
     Points in one plane are allowed, points on one line are not.

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,6 +15,7 @@ from torch.nn import functional
 
 from kpred.nn.loading import load_recognizer, save_recognizer
 from kpred.nn.recognizer import MAX_YAW_CORRECTION, Recognizer, RecognizerConfig
+from kpred.ops.typing import Bool, Float, Int
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.rooms.pack import RoomPack
 from kpred.training.augmentation import (
@@ -37,6 +38,20 @@ from kpred.training.single_stage_run import fresh_network, run_stage, take_weigh
 
 RIGHT, WRONG = math.radians(15.0), math.radians(25.0)
 """A cloud that is off by less than the first stands right, by more than the second wrongly; between, none is taught."""
+
+
+class RecognitionBatch(NamedTuple):
+    """Clouds of one step.
+
+    Attributes:
+        clouds: (B, N, 3); labels: (B,) category, -1 for none to learn.
+        yaws: (B,) missing yaw, radians; learned: (B,) whether it is learned.
+    """
+
+    clouds: Float[Tensor, "batch points 3"]
+    labels: Int[Tensor, " batch"]
+    yaws: Float[Tensor, " batch"]
+    learned: Bool[Tensor, " batch"]
 
 
 class RecognitionStage(SingleStage[RecognitionConfig]):
@@ -65,7 +80,7 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         return losses
 
     @in_full_precision
-    def batch(self, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def batch(self, generator: torch.Generator) -> RecognitionBatch:
         """Draw clouds (B, N, 3), labels (B,) (-1: none), missing yaws (B,), and the mask of yaws to learn."""
         config, data, count = self.config, self.data, self.settings.batch
         options: dict[str, Any] = {"generator": generator, "device": data.clouds.device}
@@ -102,7 +117,8 @@ class RecognitionStage(SingleStage[RecognitionConfig]):
         answer = torch.where(stands & (yaw.abs() <= RIGHT), category, len(data.categories))
         unsure = stands & (yaw.abs() > RIGHT) & (yaw.abs() < WRONG)
         answer = torch.where(unsure, -1, answer)
-        return clouds, answer, yaw, stands & (yaw.abs() < MAX_YAW_CORRECTION * 0.9) & (period > 0)
+        learned = stands & (yaw.abs() < MAX_YAW_CORRECTION * 0.9) & (period > 0)
+        return RecognitionBatch(clouds, answer, yaw, learned)
 
     def _seen(self, rows: Tensor, generator: torch.Generator) -> Tensor:
         config, data = self.config, self.data

@@ -172,7 +172,7 @@ def annotated_mesh(model: AlignedModel, root: Path) -> trimesh.Trimesh:
 
 def annotated_rotation(model: AlignedModel) -> np.ndarray:
     """(3, 3) from the scan to canonical axes (y up, front +z); ShapeNet's models face -z."""
-    _, rotation, _ = decompose(model.cad_to_scan)
+    rotation = decompose(model.cad_to_scan).rotation
     return np.asarray(yaw_rotation(np.pi) @ compose(np.zeros(3), rotation, np.ones(3))[:3, :3].T)
 
 

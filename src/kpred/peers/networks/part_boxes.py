@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -84,13 +85,21 @@ class PartBoxes:
         return points + torch.gather(move, 1, index) + self.relative * torch.gather(grow, 1, index)
 
 
+class Contacts(NamedTuple):
+    """Pairs of touching parts (C,), and a point (C, 3) of each contact."""
+
+    first: Int[Tensor, " contacts"]
+    second: Int[Tensor, " contacts"]
+    points: Float[Tensor, "contacts 3"]
+
+
 def contacts(
     points: Float[Tensor, "points 3"],
     labels: Int[Tensor, " points"],
     low: Float[Tensor, "parts 3"],
     high: Float[Tensor, "parts 3"],
     parts: Tensor,
-) -> tuple[Int[Tensor, " contacts"], Int[Tensor, " contacts"], Float[Tensor, "contacts 3"]]:
+) -> Contacts:
     """Find pairs of touching parts, and their points; a part without contact is tied to its nearest.
 
     Args:
@@ -120,7 +129,7 @@ def contacts(
         nearest = int(pair.argmin())
         places.append((points[ours[nearest // len(theirs)]] + points[theirs[nearest % len(theirs)]]) / 2)
     place = torch.stack(places) if places else points.new_zeros(0, 3)
-    return first, second, place
+    return Contacts(first, second, place)
 
 
 def _projection(first: Tensor, second: Tensor, at_first: Tensor, at_second: Tensor, axis: int, parts: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.shapes.formats.geometry import Geometry
 from kpred.shapes.formats.gltf_accessor import read_accessor
 from kpred.shapes.formats.gltf_file import GltfFile, read_gltf_file
 from kpred.shapes.formats.ply_mesh import strip_triangles
@@ -24,8 +25,8 @@ _Primitive = tuple[np.ndarray, np.ndarray]
 """(V, 3) float64 vertices and (F, 3) int64 faces in the frame of the mesh."""
 
 
-def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read (V, 3) float64 vertices, (F, 3) int64 faces and (F,) int64 parts of the file's own scene.
+def read_gltf(path: Path) -> Geometry:
+    """Read vertices, faces and parts of the file's own scene.
 
     A part is one primitive at one node. Triangles, strips, fans and points are read; lines are left out. Morph targets
     have their default weights; skins are ignored.
@@ -58,7 +59,7 @@ def read_gltf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                 parts.append(np.full(len(triangles), number, dtype=np.int64))
                 count += len(points)
                 number += 1
-    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(parts)
+    return Geometry(np.concatenate(vertices), np.concatenate(faces), np.concatenate(parts))
 
 
 def walk_nodes(file: GltfFile) -> Iterator[tuple[dict[str, Any], np.ndarray]]:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.shapes.formats.geometry import Geometry
 from kpred.shapes.formats.polygon import triangulate
 from kpred.shapes.formats.records import number_of
 from kpred.shapes.formats.text_lines import open_lines
@@ -21,12 +22,10 @@ _MAX_INDEX = 2**62
 """Beyond it the index of a vertex does not fit into 64 bits."""
 
 
-def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read an OBJ file.
+def read_obj(path: Path) -> Geometry:
+    """Read an OBJ file, with polygons cut into triangles.
 
-    Returns:
-        (V, 3) float64 vertices, (F, 3) int64 faces with polygons cut into triangles, and (F,) int64 part of each face:
-        a number for each pair of ``o`` and ``g`` names, in order of first use.
+    A part is a pair of ``o`` and ``g`` names, numbered in order of first use.
 
     Raises:
         MeshError: a line is damaged or names a vertex that does not exist.
@@ -73,7 +72,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if len(indices) and indices.max() >= len(vertices):
         raise MeshError(f"{path}: a face names a vertex that is not there (file cut short?); export the mesh again.")
     faces, polygon = triangulate(vertices, indices, np.array(sizes, dtype=np.int64))
-    return vertices, faces, np.array(parts, dtype=np.int64)[polygon]
+    return Geometry(vertices, faces, np.array(parts, dtype=np.int64)[polygon])
 
 
 def obj_lines(vertices: np.ndarray, faces: np.ndarray, parts: np.ndarray | None, digits: int = 9) -> Iterator[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.ops.typing import Float, Int
 from kpred.shapes.formats.polygon import triangulate
 from kpred.shapes.formats.records import number_of
 from kpred.shapes.formats.text_lines import open_lines
@@ -20,7 +21,7 @@ _Parsed = tuple["array[float]", "array[int]", "array[int]"]
 """Coordinates, corners of all faces, corners of each face."""
 
 
-def read_off(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_off(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
     """Read (V, 3) float64 vertices and (F, 3) int64 triangles; normals and colours are skipped.
 
     As Geomview describes it: the keyword may be missing, and any white space separates numbers. Files of one vertex or

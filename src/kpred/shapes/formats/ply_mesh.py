@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.ops.typing import Float, Int
+from kpred.shapes.formats.geometry import Geometry
 from kpred.shapes.formats.ply_elements import Columns, PlyLists, read_ply_elements
 from kpred.shapes.formats.ply_header import read_ply_header
 from kpred.shapes.formats.polygon import triangulate
 
 
-def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read (V, 3) float64 vertices, (F, 3) int64 triangles of faces and strips, (F,) the face of each triangle.
-
-    Triangles of strips have the face -1.
+def read_ply_mesh(path: Path) -> Geometry:
+    """Read vertices, and triangles of faces and strips, all of one part.
 
     Raises:
         MeshError: no vertices with x, y and z, or a face names a vertex that does not exist.
@@ -26,17 +26,18 @@ def read_ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     corners, sizes = _indices(elements.get("face", {}), path)
     if len(corners) and (corners.min() < 0 or corners.max() >= len(vertices)):
         raise MeshError(f"{path}: a face names a vertex that does not exist; export the mesh again.")
-    faces, origins = triangulate(vertices, corners, sizes)
+    faces, _ = triangulate(vertices, corners, sizes)
     strips, lengths = _indices(elements.get("tristrips", {}), path)
     if not len(strips):
-        return vertices, faces, origins
+        return Geometry(vertices, faces, np.zeros(len(faces), dtype=np.int64))
     if strips.max() >= len(vertices) or strips.min() < -1:
         raise MeshError(f"{path}: a strip names a vertex that does not exist; export the mesh again.")
     cut = strip_triangles(np.insert(strips, np.cumsum(lengths), -1))
-    return vertices, np.concatenate([faces, cut]), np.concatenate([origins, np.full(len(cut), -1)])
+    faces = np.concatenate([faces, cut])
+    return Geometry(vertices, faces, np.zeros(len(faces), dtype=np.int64))
 
 
-def ply_positions(columns: Columns, path: Path) -> np.ndarray:
+def ply_positions(columns: Columns, path: Path) -> Float[np.ndarray, "vertices 3"]:
     """Return the properties x, y and z, (V, 3) float64.
 
     Raises:
@@ -48,7 +49,7 @@ def ply_positions(columns: Columns, path: Path) -> np.ndarray:
     return np.stack([np.asarray(axis, dtype=np.float64) for axis in axes], axis=1)
 
 
-def strip_triangles(indices: np.ndarray) -> np.ndarray:
+def strip_triangles(indices: np.ndarray) -> Int[np.ndarray, "faces 3"]:
     """Convert indices (N,) of triangle strips, each ended by -1, to triangles (F, 3) of one winding."""
     if len(indices) < 3:
         return np.zeros((0, 3), dtype=np.int64)

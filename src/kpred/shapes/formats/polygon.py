@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from kpred.ops.typing import Float, Int
+
 _MAX_CORNERS = 100_000
 """Corners of one polygon beyond which it is cut as a fan: clipping ears is quadratic on hostile outlines."""
 
@@ -11,7 +13,9 @@ _MAX_CLIPPED = 2_000_000
 """Sum of squared corners (in thousands) over all polygons of a file that are clipped; the others are cut as fans."""
 
 
-def triangulate(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def triangulate(
+    vertices: Float[np.ndarray, "vertices 3"], corners: np.ndarray, sizes: np.ndarray
+) -> tuple[Int[np.ndarray, "faces 3"], Int[np.ndarray, " faces"]]:
     """Cut many polygons into triangles, in their order.
 
     Args:
@@ -40,7 +44,7 @@ def triangulate(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) ->
     return np.concatenate(blocks)[order], origin[order]
 
 
-def split_quads(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
+def split_quads(vertices: Float[np.ndarray, "vertices 3"], quads: np.ndarray) -> Int[np.ndarray, "faces 3"]:
     """Split quads (Q, 4) into triangles (2 Q, 3), those of quad i in rows 2 i and 2 i + 1.
 
     A concave quad is cut along the diagonal that lies inside it.
@@ -53,7 +57,9 @@ def split_quads(vertices: np.ndarray, quads: np.ndarray) -> np.ndarray:
     return np.stack([first, second], axis=1).reshape(-1, 3)
 
 
-def split_polygon(vertices: np.ndarray, corners: np.ndarray | list[int]) -> np.ndarray:
+def split_polygon(
+    vertices: Float[np.ndarray, "vertices 3"], corners: np.ndarray | list[int]
+) -> Int[np.ndarray, "faces 3"]:
     """Triangulate one polygon (n,) to (n - 2, 3) by clipping ears; fewer if corners coincide.
 
     Seen along Newell's normal. A polygon without an area or with very many corners is cut as a fan.

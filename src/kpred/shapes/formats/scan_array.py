@@ -7,7 +7,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 
@@ -105,8 +105,16 @@ def _table(array: np.ndarray, wrong: ScanError) -> np.ndarray:
     return array
 
 
-def array_header(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Read shape, order (whether column by column) and type of a .npy file, before memory is taken for its array.
+class ArrayHeader(NamedTuple):
+    """Shape, order (whether column by column) and type of the array in a .npy file."""
+
+    shape: tuple[int, ...]
+    by_column: bool
+    dtype: np.dtype
+
+
+def array_header(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> ArrayHeader:
+    """Read the header of a .npy file, before memory is taken for its array.
 
     Raises:
         ScanError: damaged, or an array of Python objects.
@@ -123,7 +131,7 @@ def array_header(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> tuple[tup
         raise
     except Exception as error:  # The header is a Python literal, whose parser raises errors of its own.
         raise ScanError(f"{name}: it is not a readable numpy array (damaged or cut short); copy it again.") from error
-    return shape, bool(by_column), dtype
+    return ArrayHeader(shape, bool(by_column), dtype)
 
 
 def _rows(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import MeshError
+from kpred.ops.typing import Float, Int
 from kpred.shapes.formats.text_lines import text_encoding
 
 _HEADER = 84
@@ -17,7 +18,7 @@ _END = re.compile(rb"end\s*solid", re.IGNORECASE)
 _FACET_END = re.compile(rb"end\s*facet", re.IGNORECASE)
 
 
-def read_stl(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_stl(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
     """Read (V, 3) float64 vertices and (F, 3) int64 faces; vertices at exactly the same place become one.
 
     A binary file may hold more bytes than its triangles. Where its count of triangles is 0 although triangles follow,

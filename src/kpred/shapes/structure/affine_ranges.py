@@ -6,6 +6,8 @@ normal has a component along x and others stays planar only where f is affine ov
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from kpred.ops.typing import Bool, Float
@@ -17,10 +19,18 @@ _JOINED = 0.01
 """Ranges that are so near to each other are one, unit box."""
 
 
+class AffineRange(NamedTuple):
+    """A range along an axis (0, 1, 2), in the unit box."""
+
+    axis: int
+    low: float
+    high: float
+
+
 def affine_ranges(
     normals: Float[np.ndarray, "faces 3"], low: Float[np.ndarray, "faces 3"], high: Float[np.ndarray, "faces 3"]
-) -> list[tuple[int, float, float]]:
-    """Find (axis, low, high) of the ranges of one part along each axis over which its map must be affine.
+) -> list[AffineRange]:
+    """Find the ranges of one part along each axis over which its map must be affine.
 
     Args:
         normals: unit normals of the part's faces; low, high: corners of each face's box, unit box.
@@ -35,7 +45,7 @@ def affine_ranges(
         starts, ends = low[order, axis], np.maximum.accumulate(high[order, axis])
         breaks = np.flatnonzero(starts[1:] > ends[:-1] + _JOINED) + 1
         for run in np.split(np.arange(len(order)), breaks):
-            found.append((axis, float(starts[run[0]]), float(ends[run[-1]])))
+            found.append(AffineRange(axis, float(starts[run[0]]), float(ends[run[-1]])))
     return found
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpred.ops.typing import Bool, Float, Int
-from kpred.shapes.structure.affine_ranges import affine_ranges, ends_only
+from kpred.shapes.structure.affine_ranges import AffineRange, affine_ranges, ends_only
 from kpred.shapes.structure.contacts import contacts
 from kpred.shapes.structure.facets import planar_facets
 from kpred.shapes.structure.own_axes import own_axes
@@ -97,7 +97,7 @@ class _OwnBox:
     axes: Float[np.ndarray, "3 3"]
     box: Float[np.ndarray, "2 3"]
     ends_only: Bool[np.ndarray, "3"]
-    ranges: list[tuple[int, float, float]]
+    ranges: list[AffineRange]
 
 
 def _own_box(surface: _Surface, vertices: np.ndarray) -> _OwnBox:
@@ -111,6 +111,7 @@ def _own_box(surface: _Surface, vertices: np.ndarray) -> _OwnBox:
     else:
         # An oblique part is affine throughout: over all of its box along the world's axes.
         middle, reach = box.mean(axis=0) @ axes, (box[1] - box[0]) / 2 @ np.abs(axes)
-        ranges = [(axis, float(middle[axis] - reach[axis]), float(middle[axis] + reach[axis])) for axis in range(3)]
+        low, high = (middle - reach).tolist(), (middle + reach).tolist()
+        ranges = [AffineRange(axis, low[axis], high[axis]) for axis in range(3)]
     curved = float((surface.areas * surface.planar).sum()) < 0.5 * area
     return _OwnBox(area, curved, axes, box, ends_only(vertices), ranges)
