@@ -24,8 +24,16 @@ MIN_SEEN = 8
 @no_type_check
 def seen_points(visible):
     """Rows of the points that points of the scan are matched to."""
-    seen = np.flatnonzero(visible >= SEEN)
-    return seen if len(seen) >= MIN_SEEN else np.arange(len(visible))
+    seen, count = np.empty(len(visible), np.int64), 0
+    for i in range(len(visible)):
+        if visible[i] >= SEEN:
+            seen[count] = i
+            count += 1
+    if count < MIN_SEEN:
+        for i in range(len(visible)):
+            seen[i] = i
+        count = len(visible)
+    return seen[:count]
 
 
 @numba.njit(cache=True, nogil=True)

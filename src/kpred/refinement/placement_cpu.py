@@ -7,6 +7,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
+from kpred.refinement.equations_cpu import solve
 from kpred.refinement.matching_cpu import hold, match, seen_points
 
 YAW_PRIOR = 1e-3
@@ -30,7 +31,9 @@ def place_rounds(
     wanted = np.empty((count, 4), np.float32)
     facing = np.zeros(count, np.int64)
     seen = seen_points(visible)
-    moved[:] = start
+    for i in range(count):
+        for axis in range(3):
+            moved[i, axis] = start[i, axis]
     normal, right = np.zeros((7, 7)), np.zeros(7)
     columns = np.zeros((3, 7))
     local = np.zeros(3)
@@ -76,27 +79,45 @@ def place_rounds(
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
+def _join_sizes(normal, right, placement):
+    """Makes the first of three sizes the factor of all in the lower half of `normal` (7, 7) and `right` (7,)."""
+    a, b, c = placement[1], placement[2], placement[3]
+    right[1] = a * right[1] + b * right[2] + c * right[3]
+    right[2] = right[3] = 0.0
+    inner = a * a * normal[1, 1] + b * b * normal[2, 2] + c * c * normal[3, 3]
+    inner += 2.0 * (a * b * normal[2, 1] + a * c * normal[3, 1] + b * c * normal[3, 2])
+    normal[1, 1] = inner
+    normal[1, 0] = a * normal[1, 0] + b * normal[2, 0] + c * normal[3, 0]
+    for j in range(4, 7):
+        normal[j, 1] = a * normal[j, 1] + b * normal[j, 2] + c * normal[j, 3]
+        normal[j, 2] = normal[j, 3] = 0.0
+    for j in range(2, 4):
+        normal[j, j] = 1.0
+        for k in range(j):
+            normal[j, k] = 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
 def _step(normal, right, placement, per_axis, free_yaw, free_size):
     """Adds the solution of the normal equations to `placement`, with what is not free left as it is."""
-    full = normal + normal.T - np.diag(np.diag(normal))
-    if free_size and not per_axis:
-        # One factor for all three sizes.
-        ratio = np.zeros((7, 5))
-        ratio[0, 0] = 1.0
+    one_size = free_size and not per_axis
+    if one_size:
+        # One factor for all three sizes takes the place of the first of them; the other two are held at 0.
+        _join_sizes(normal, right, placement)
+    if not free_yaw:
+        normal[0, 0] += 1e6
+    for axis in range(3):
+        if not free_size or (one_size and axis > 0):
+            normal[1 + axis, 1 + axis] += 1e6
+    for j in range(7):
+        normal[j, j] += 1e-9
+    solve(normal, right)
+    step = right
+    if one_size:
+        factor = step[1]
         for axis in range(3):
-            ratio[1 + axis, 1] = placement[1 + axis]
-            ratio[4 + axis, 2 + axis] = 1.0
-        small, pull = ratio.T @ full @ ratio, ratio.T @ right
-        if not free_yaw:
-            small[0, 0] += 1e6
-        step = ratio @ np.linalg.solve(small + 1e-9 * np.eye(5), pull)
-    else:
-        if not free_yaw:
-            full[0, 0] += 1e6
-        if not free_size:
-            for axis in range(3):
-                full[1 + axis, 1 + axis] += 1e6
-        step = np.linalg.solve(full + 1e-9 * np.eye(7), right)
+            step[1 + axis] = factor * placement[1 + axis]
     placement[0] += min(max(step[0], -0.1), 0.1)
     for axis in range(3):
         placement[1 + axis] *= min(max(1.0 + step[1 + axis] / placement[1 + axis], 0.7), 1.4)

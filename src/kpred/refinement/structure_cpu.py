@@ -66,7 +66,9 @@ def fit_rounds(
     weights = np.full(len(flush_axis), flush)
     last = last_rounds(rounds)
     seen = seen_points(visible)
-    moved[:] = start
+    for i in range(count):
+        for axis in range(3):
+            moved[i, axis] = start[i, axis]
     for iteration in range(rounds):
         match(moved, facing, iteration >= last, goal, visible, seen, iteration % 2, robust, minimum, wanted)
         if iteration == last:
@@ -148,7 +150,10 @@ def _solve_monotone(normal, right, spans, axis, slopes, controls):
         if not _folds(right, spans, axis, slopes[axis]):
             break
         # A stiffer spline folds less, and tends to an affine map.
-        normal[:], right[:] = before, pull
+        for j in range(len(right)):
+            right[j] = pull[j]
+            for k in range(len(right)):
+                normal[j, k] = before[j, k]
         stiffen(normal, controls, smoother)
         solve(normal, right)
 
