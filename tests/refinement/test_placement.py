@@ -95,7 +95,6 @@ def test_unseen_surface_is_held_where_it_is_expected(cases):
     assert abs(held(case.points)[:, 0].max() - 0.5) < 0.05
 
 
-@pytest.mark.xfail(strict=True, reason="eight rounds from the model's own size stop on the way")
 def test_the_default_rounds_are_enough(cases):
     case = cases["round table"]
     true = Placement(0.0, np.array([1.2, 0.9, 1.0]), np.zeros(3))
