@@ -79,6 +79,7 @@ class EncodingCommand(Command):
                     progress=lambda done: bar.update("encoding models", done),
                     encoder=encoder,
                     update=self.update,
+                    keep_empty=False,
                 )
                 if report.added or report.replaced:
                     with Database.open(file) as database:
