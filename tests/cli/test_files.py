@@ -94,10 +94,10 @@ def test_evaluate_prints_the_rows_it_writes(files: Path, tmp_path: Path, run_jso
     printed = run_json(*line, "--top-k", 1, 3, "-o", tmp_path / "rows.json")
     assert json.loads((tmp_path / "rows.json").read_text()) == printed
     rows = printed["rows"]
-    wanted = {"dataset", "split", "category", "protocol", "top_k", "metric", "unit", "value", "n"}
-    assert all(wanted <= set(row) for row in rows)
-    assert {row["metric"] for row in rows} >= {"undeformed_nearest", "no_learning", "feed_forward", "refined"}
-    assert {row["top_k"] for row in rows if row["metric"] == "refined"} == {1, 3}
+    wanted = {"dataset", "category", "protocol", "method", "model", "metric", "surface", "unit", "top_k", "value", "n"}
+    assert all(wanted <= set(row) for row in rows), rows[0]
+    assert {row["method"] for row in rows} >= {"undeformed_nearest", "no_learning", "feed_forward", "refined"}
+    assert {row["top_k"] for row in rows if row["method"] == "refined"} == {1, 3}
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(

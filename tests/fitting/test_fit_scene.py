@@ -254,7 +254,7 @@ def test_a_scene_without_objects(scene: Scene, model: Model, database: Database,
 
 def test_what_is_wrong_with_everything_is_said_at_once(scene: Scene, model: Model, database: Database) -> None:
     objects = objects_of(scene)
-    with pytest.raises(ConfigError, match="up is told by"):
+    with pytest.raises(ConfigError, match="up is given by"):
         fit_scene(scene, objects, model, database, up="y")
     config = ModelConfig(category="chair", width=16, token_size=8, region_points=16, stages=1)
     other = Model("other", {"chair": new_network(config, seed=9).eval()})
