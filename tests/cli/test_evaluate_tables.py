@@ -200,7 +200,7 @@ def test_plots_are_written(made: Path, files: Path, pack: Path, tmp_path: Path) 
         ("plot", USAGE, "occlusion"),
         ("plot occlusion -o {new}/a.png", USAGE, "no table was named"),
         ("plot tokens -o {new}/a.gif", FAILED, ".png or .pdf"),
-        ("plot grid {pack} --occlusion 1 -o {new}/a.png", USAGE, "--occlusion must be a share"),
+        ("plot grid {pack} --occlusion 1 -o {new}/a.png", USAGE, "--occlusion must be a fraction"),
         ("plot influence --keypoints 12 -o {new}/a.png", FAILED, "numbered 0 to 11"),
     ],
 )

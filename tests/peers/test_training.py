@@ -112,9 +112,11 @@ def test_refusals(peer: str, packs: list[MeshPack], tmp_path: Path) -> None:
     with pytest.raises(PackError, match="one category"):
         _train(peer, [*packs, chairs], tmp_path / "mixed")
     weights = tmp_path / "run" / "model" / "model.safetensors"
-    weights.write_bytes(weights.read_bytes()[:100])
+    whole = weights.read_bytes()
+    weights.write_bytes(whole[:100])
     with pytest.raises(ModelError, match=r"model\.safetensors"):
         load_peers(tmp_path / "run")
+    weights.write_bytes(whole)
     config = tmp_path / "run" / "model" / "config.json"
     config.write_text('{"peer": "nobody"}')
     with pytest.raises(ModelError, match=r"config\.json"):

@@ -223,7 +223,7 @@ def test_back_parts_of_chairs_stand_behind_the_middle(family: str) -> None:
         (("lamp", 3, 0), "lamp"),
         (("chair", -1, 0), "negative"),
         (("chair", 3, -1), "negative"),
-        (("chair", 3, 0, 1.5), "share"),
+        (("chair", 3, 0, 1.5), "fraction"),
     ],
 )
 def test_bad_arguments_are_refused(arguments: tuple, message: str) -> None:
