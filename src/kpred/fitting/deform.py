@@ -29,9 +29,14 @@ COMPARED_POINTS = 512
 FINALISTS, FINALISTS_UNSEEN = 3, 6
 """Candidates that are deformed to the end, of whole scans and of those that lack something; others are estimates."""
 
-OWN_SIZE_BONUS, EXPLAINED = 1.0, 0.08
+OWN_SIZE_BONUS = 1.0
 """Fall of the log error that any other size than a model's own must bring, where the scan's unit is that of models and
-the model explains the scan in its own size as far as this distance, unit box: few do that are not the very thing.
+the model explains the scan in its own size.
+"""
+
+EXPLAINED, EXPLAINED_WHOLE = 0.08, 0.04
+"""Distance, unit box, to which a model explains a partial scan and a whole one: few do that are not the very thing. In
+that of a partial scan there is doubt about what was seen.
 """
 
 MAX_RESIZED = 1.3
@@ -170,7 +175,8 @@ class _Work:
         if placed.own is None:
             return fitted
         own = self._undeformed(row, step, placed.own)
-        if own.distances.log_error() > 2 * np.log(EXPLAINED):
+        explained = EXPLAINED_WHOLE if own.distances.seen > WHOLE else EXPLAINED
+        if own.distances.log_error() > 2 * np.log(explained):
             return min(own, fitted, key=lambda one: one.score)
         return min(replace(own, score=own.score - OWN_SIZE_BONUS), fitted, key=lambda one: one.score)
 
