@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kpred.ops.typing import Float, Int
+from kpred.refinement.joints import leaning
 from kpred.refinement.structure_basis import StructureBasis
 
 MIN_GROWTH, MAX_GROWTH = 0.25, 4.0
@@ -66,10 +67,10 @@ def spline_slopes(basis: StructureBasis) -> Float[np.ndarray, "3 3"]:
 def possible_leans(basis: StructureBasis) -> Int[np.ndarray, "groups 3"]:
     """List leans of each group along x, y and z: 0 impossible, 1 if the scan shows it, 2 free.
 
-    Parts that are oblique already lean freely.
+    Parts lean freely where they lean already.
     """
     along = np.take_along_axis(basis.half, basis.lean_axis, axis=1)
-    each = np.where(along < SLENDER * basis.half, 0, 1 + oblique(basis)[:, None])
+    each = np.where(along < SLENDER * basis.half, 0, 1 + leaning(basis.structure, basis.lean_axis))
     # Only what is mapped affinely can be turned as a whole.
     each[(spline_spans(basis)[..., 0] >= 0).any(axis=1)] = 0
     own = _mirrors_itself(basis)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kpred.ops.typing import Float, Int
+from kpred.refinement.joints import InnerEnds, contact_weights, inner_ends
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.structure import Structure
 
@@ -23,12 +24,6 @@ KINDS = 4
 
 MIN_HALF_SIDE = 0.003
 """Least half side by which a part's growth is measured, unit box."""
-
-ACROSS = 0.03
-"""Parts that overlap by less than this along an axis touch across it, unit box."""
-
-FLUSH = 0.01
-"""Parts that touch are flush where their ends are within this of each other, unit box."""
 
 STANDING = 0.01
 """Parts whose lowest points are within this of the model's lowest stand on the floor, unit box."""
@@ -41,19 +36,6 @@ RIGID = 1e3
 
 
 @dataclass(frozen=True, eq=False)
-class FlushEnds:
-    """Pairs of ends that are flush in the model, as steps that open between them; linear in the unknowns.
-
-    Attributes:
-        axis: (F,); column: (F, 4) unknowns; factor: (F, 4) of each: the step is their sum.
-    """
-
-    axis: Int[np.ndarray, " pairs"]
-    column: Int[np.ndarray, "pairs 4"]
-    factor: Float[np.ndarray, "pairs 4"]
-
-
-@dataclass(frozen=True, eq=False)
 class StructureBasis:
     """Columns of one model of C parts in G groups, U = K + 4 G unknowns an axis.
 
@@ -63,7 +45,7 @@ class StructureBasis:
         middle, half: (C, 3) of each part's box along the world's axes.
         group: (C,) unknowns that each part uses; sign: (C,) -1 for parts that mirror another's motion along x.
         stiff: (3, U, U) quadratic form of smoothness, contacts and symmetry, float64.
-        flush: pairs of ends of parts that are flush.
+        ends: of parts that are flush with what they touch, or inside of it.
         growth: (C, 3, U) growth of each part's sides, by the unknowns.
         lean_axis: (C, 3) the axis w along which each part leans and bends in x, y and z.
         controls: K.
@@ -77,7 +59,7 @@ class StructureBasis:
     group: np.ndarray
     sign: np.ndarray
     stiff: np.ndarray
-    flush: FlushEnds
+    ends: InnerEnds
     growth: np.ndarray
     lean_axis: np.ndarray
     controls: int
@@ -188,14 +170,14 @@ def structure_basis(structure: Structure, config: StructureConfig) -> StructureB
     lean_axis = np.stack([np.ones(len(half), int), np.where(half[:, 0] > half[:, 2], 0, 2), np.ones(len(half), int)], 1)
     bare = StructureBasis(
         structure, low, high, middle, half, group, sign, np.zeros((3, size, size)),
-        FlushEnds(np.zeros(0, np.int64), np.zeros((0, 4), np.int64), np.zeros((0, 4))), np.zeros(0), lean_axis,
+        inner_ends(structure, middle, half, sign, config.controls + KINDS * group), np.zeros(0), lean_axis,
         config.controls,
     )  # fmt: skip
     parts = np.arange(structure.parts)
     growth = (bare.rows(corners[:, 1], parts) - bare.rows(corners[:, 0], parts)).transpose(1, 0, 2)
     growth[:, :, config.controls + 2 :: KINDS] = 0.0
     stiff = np.stack([_stiffness(bare, axis, config) for axis in range(3)])
-    return replace(bare, stiff=stiff, flush=_flush_ends(bare), growth=growth)
+    return replace(bare, stiff=stiff, growth=growth)
 
 
 def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.ndarray:
@@ -213,7 +195,7 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
     if len(structure.contact_points):
         rows = [basis.rows(structure.contact_points, structure.contact_parts[:, side])[axis] for side in (0, 1)]
         gap = rows[0] - rows[1]
-        weight = _contact_weights(structure, config)[:, axis]
+        weight = contact_weights(structure, basis.half, basis.lean_axis, config)[:, axis]
         stiff += gap.T @ (weight[:, None] * gap)
     feet = np.flatnonzero(basis.standing)
     if axis == 1 and len(feet) > 1:
@@ -232,31 +214,6 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
         moves = controls + KINDS * basis.group[structure.mirrored_parts == np.arange(structure.parts)]
         stiff[moves, moves] += RIGID
     return stiff
-
-
-def _flush_ends(basis: StructureBasis) -> FlushEnds:
-    """List the ends of parts that touch and are flush in the model; f moves both ends of a pair alike."""
-    axes, columns, factors = [], [], []
-    pairs = basis.structure.contact_parts[::2]
-    for axis in range(3):
-        sign = basis.sign if axis == 0 else np.ones(len(basis.sign))
-        for side in (-1.0, 1.0):
-            ends = (basis.middle + side * basis.half)[:, axis]
-            for first, second in pairs[np.abs(ends[pairs[:, 0]] - ends[pairs[:, 1]]) < FLUSH]:
-                move = basis.controls + KINDS * basis.group[[first, second]]
-                axes.append(axis)
-                columns.append([move[0], move[0] + 1, move[1], move[1] + 1])
-                factors.append([sign[first], side, -sign[second], -side])
-    return FlushEnds(
-        np.array(axes, np.int64), np.array(columns, np.int64).reshape(-1, 4), np.array(factors).reshape(-1, 4)
-    )
-
-
-def _contact_weights(structure: Structure, config: StructureConfig) -> np.ndarray:
-    """(M, 3) weight of each contact point's gap along each axis: large across the contact, small along it."""
-    side = np.abs(structure.contact_points[1::2] - structure.contact_points[::2])
-    across = (side <= side.min(axis=1, keepdims=True) + 1e-9) | (side < ACROSS)
-    return np.repeat(np.where(across, config.contact, config.sliding), 2, axis=0)
 
 
 def _groups(structure: Structure) -> tuple[np.ndarray, np.ndarray]:

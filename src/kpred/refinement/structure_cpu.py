@@ -35,7 +35,7 @@ LINEAR = 0.5
 @no_type_check
 def fit_rounds(
     spline, own, bounds, group, boxes, lean_axis, points, across, facing, start, visible, held, goal, stiff, growth,
-    limits, spans, slopes, can_lean, can_bend, flush_axis, flush_column, flush_factor, flush, feet, floor, rounds,
+    limits, spans, slopes, can_lean, can_bend, end_axis, end_inside, end_column, end_factor, flush, feet, floor, rounds,
     robust, minimum, lean_gain, solution, moved,
 ):  # fmt: skip
     """Fills `solution` (3, U) and `moved` (N, 3); points are sorted by part.
@@ -50,7 +50,7 @@ def fit_rounds(
         visible: (N,) how surely each was seen; held: (N,) weight of staying at `start`.
         goal: (M, 3); stiff: (3, U, U); growth: (C, 3, U) of each part; limits: (C, 3, 3) lowest and highest growth, and
             the half side that a part's own growth is measured by.
-        flush_axis: (F,), flush_column, flush_factor: (F, 4) steps between flush ends; flush: their first weight.
+        end_axis, end_inside: (F,), end_column, end_factor: (F, 4) of `InnerEnds`; flush: first weight of flush ends.
         feet: (N,) weight of points that stand on the floor; floor: (N,) height at which it holds each.
         robust: squared multiple of the median distance, 0 for equal weights; minimum: least squared scale.
         lean_gain: gain in weighted squared distance from which a lean is accepted.
@@ -63,7 +63,7 @@ def fit_rounds(
     weighted = np.empty(count, np.float32)
     residual = np.empty(count, np.float32)
     leaning = can_lean == 2
-    weights = np.full(len(flush_axis), flush)
+    weights = np.where(end_inside == 0.0, flush, 0.0)
     last = last_rounds(rounds)
     seen = seen_points(visible)
     for i in range(count):
@@ -71,8 +71,8 @@ def fit_rounds(
             moved[i, axis] = start[i, axis]
     for iteration in range(rounds):
         match(moved, facing, iteration >= last, goal, visible, seen, iteration % 2, robust, minimum, wanted)
-        if iteration == last:
-            _snap(flush_axis, flush_column, flush_factor, solution, weights)
+        if iteration >= last:
+            _snap(end_axis, end_inside, end_column, end_factor, solution, iteration == last, weights)
         hold(wanted, held, start)
         if iteration == rounds // 2:
             _find_leans(own, bounds, group, wanted, moved, can_lean, lean_gain, leaning)
@@ -85,7 +85,7 @@ def fit_rounds(
                     residual[i] += feet[i] * (floor[i] - points[i, 1])
             assemble(spline[axis], own[axis], bounds, group, weighted, residual, controls, normal, right)
             _constrain(normal, stiff[axis], leaning[:, axis], can_bend[:, axis], controls)
-            _tie(normal, axis, flush_axis, flush_column, flush_factor, weights)
+            _tie(normal, right, axis, end_axis, end_inside, end_column, end_factor, weights)
             _solve_monotone(normal, right, spans, axis, slopes, controls)
             # Matches follow a step only in part, so that a longer one converges in fewer rounds.
             ahead = RELAXATION if 0 < iteration < rounds - 2 else 1.0
@@ -98,7 +98,7 @@ def fit_rounds(
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def last_rounds(rounds):
-    """First of the rounds in which sides are told apart and flush ends are snapped."""
+    """First of the rounds in which sides are distinguished and ends are snapped."""
     return rounds * 2 // 3
 
 
@@ -118,26 +118,35 @@ def _constrain(normal, stiff, leaning, can_bend, controls):
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _tie(normal, axis, flush_axis, flush_column, flush_factor, weights):
-    """Adds the squares of steps between flush ends along one axis to the lower half of `normal` (U, U)."""
-    for pair in range(len(flush_axis)):
-        if flush_axis[pair] == axis and weights[pair] > 0:
+def _tie(normal, right, axis, end_axis, end_inside, end_column, end_factor, weights):
+    """Adds the squares of steps between tied ends along one axis to the lower half of `normal` (U, U) and `right`."""
+    for pair in range(len(end_axis)):
+        if end_axis[pair] == axis and weights[pair] > 0:
             for a in range(4):
+                pull = weights[pair] * end_factor[pair, a]
+                right[end_column[pair, a]] -= pull * end_inside[pair]
                 for b in range(4):
-                    if flush_column[pair, a] >= flush_column[pair, b]:
-                        square = weights[pair] * flush_factor[pair, a] * flush_factor[pair, b]
-                        normal[flush_column[pair, a], flush_column[pair, b]] += square
+                    if end_column[pair, a] >= end_column[pair, b]:
+                        normal[end_column[pair, a], end_column[pair, b]] += pull * end_factor[pair, b]
 
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _snap(flush_axis, flush_column, flush_factor, solution, weights):
-    """Sets `weights` (F,): ends with a small step between them become flush again, the others are set free."""
-    for pair in range(len(flush_axis)):
-        step = 0.0
+def _snap(end_axis, end_inside, end_column, end_factor, solution, first, weights):
+    """Sets `weights` (F,): ends that have come out of what they touch become flush with it, and stay so.
+
+    In the first of these rounds ends that are flush in the model become flush again if the step between them is small,
+    and are set free otherwise.
+    """
+    for pair in range(len(end_axis)):
+        step = end_inside[pair]
         for k in range(4):
-            step += flush_factor[pair, k] * solution[flush_axis[pair], flush_column[pair, k]]
-        weights[pair] = SNAPPED if abs(step) < SNAP else 0.0
+            step += end_factor[pair, k] * solution[end_axis[pair], end_column[pair, k]]
+        if end_inside[pair] == 0.0:
+            if first:
+                weights[pair] = SNAPPED if abs(step) < SNAP else 0.0
+        elif step * end_factor[pair, 1] > 0:
+            weights[pair] = SNAPPED
 
 
 @numba.njit(cache=True, nogil=True)

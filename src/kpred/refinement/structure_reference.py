@@ -119,9 +119,10 @@ def fit_rounds_reference(
     slopes: np.ndarray,
     can_lean: np.ndarray,
     can_bend: np.ndarray,
-    flush_axis: np.ndarray,
-    flush_column: np.ndarray,
-    flush_factor: np.ndarray,
+    end_axis: np.ndarray,
+    end_inside: np.ndarray,
+    end_column: np.ndarray,
+    end_factor: np.ndarray,
     flush: float,
     feet: np.ndarray,
     floor: np.ndarray,
@@ -135,15 +136,18 @@ def fit_rounds_reference(
     """Fill `solution` and `moved` as `kpred.refinement.structure_cpu.fit_rounds` does."""
     family = Family(spline, own, bounds, group, boxes, lean_axis, points, growth, limits)
     rows, leaning = [family.rows(axis) for axis in range(3)], can_lean == 2
-    steps, last = _flush_rows(flush_axis, flush_column, flush_factor, stiff.shape[1]), rounds * 2 // 3
-    tied = np.full(len(steps), flush)
+    steps, last = _end_rows(end_axis, end_column, end_factor, stiff.shape[1]), rounds * 2 // 3
+    is_flush = end_inside == 0.0
+    tied = np.where(is_flush, flush, 0.0)
     moved[:] = start
     for number in range(rounds):
         sides = facing if number >= last else None
         wanted, weight = match_reference(moved, goal, visible, number % 2, robust, minimum, sides)
+        outside = end_inside + (steps * solution[end_axis]).sum(axis=1)
         if number == last:
-            opened = (steps * solution[flush_axis]).sum(axis=1)
-            tied = np.where(np.abs(opened) < SNAP, SNAPPED, 0.0)
+            tied = np.where(is_flush & (np.abs(outside) < SNAP), SNAPPED, 0.0)
+        if number >= last:
+            tied[~is_flush & (outside * end_factor[:, 1] > 0)] = SNAPPED
         wanted, weight = wanted + held[:, None] * start, weight + held
         if number == rounds // 2:
             leaning |= (can_lean == 1) & _leans_explain(family, wanted, weight, moved, lean_gain, len(can_lean))
@@ -152,19 +156,20 @@ def fit_rounds_reference(
             extra = feet if axis == 1 else 0.0 * feet
             pull = across[:, axis] * (wanted[:, axis] - weight * points[:, axis]) + extra * (floor - points[:, 1])
             normal = rows[axis].T @ ((across[:, axis] * weight + extra)[:, None] * rows[axis]) + stiff[axis]
-            mine = steps * (flush_axis == axis)[:, None]
+            mine = steps * (end_axis == axis)[:, None]
             normal += mine.T @ (tied[:, None] * mine)
+            right = rows[axis].T @ pull - mine.T @ (tied * end_inside)
             forbidden = np.zeros(len(normal))
             forbidden[family.controls + LEAN :: KINDS] = RIGID * ~leaning[:, axis]
             forbidden[family.controls + BEND :: KINDS] = RIGID * (can_bend[:, axis] == 0)
-            found = _monotone(normal + np.diag(forbidden), rows[axis].T @ pull, family.controls, spans, slopes, axis)
+            found = _monotone(normal + np.diag(forbidden), right, family.controls, spans, slopes, axis)
             solution[axis] += ahead * (found - solution[axis])
         _clip_growth(family, solution, spans, slopes)
         moved[:] = family.apply(solution)
 
 
-def _flush_rows(axis: np.ndarray, column: np.ndarray, factor: np.ndarray, unknowns: int) -> np.ndarray:
-    """(F, U) dense rows of the steps between flush ends."""
+def _end_rows(axis: np.ndarray, column: np.ndarray, factor: np.ndarray, unknowns: int) -> np.ndarray:
+    """(F, U) dense rows of the steps between ends."""
     found = np.zeros((len(axis), unknowns))
     np.add.at(found, (np.arange(len(axis))[:, None], column), factor)
     return found

@@ -10,7 +10,7 @@ from kpred.ops.typing import Bool, Float, Int
 from kpred.shapes.structure.affine_ranges import AffineRange, affine_ranges, ends_only
 from kpred.shapes.structure.contacts import contacts
 from kpred.shapes.structure.facets import planar_facets
-from kpred.shapes.structure.own_axes import own_axes
+from kpred.shapes.structure.own_axes import mirrored_axes, own_axes, symmetric_axes
 from kpred.shapes.structure.segmentation import vertex_parts
 from kpred.shapes.structure.structure import Structure
 from kpred.shapes.structure.symmetry import mirror_symmetry
@@ -34,14 +34,18 @@ def find_structure(
     face_parts, count = part_of[faces[:, 0]], int(part_of.max()) + 1
     facets = planar_facets(place, faces)
     surface = _Surface.of(place[faces], facets)
-    own = [_own_box(surface.of_part(face_parts == part), place[part_of == part]) for part in range(count)]
-    axes, boxes = np.stack([box.axes for box in own]), np.stack([box.box for box in own])
-    everything = np.concatenate([place, np.asarray(points, dtype=np.float64)])
-    touching, where = contacts(axes, boxes, everything, np.concatenate([part_of, face_parts[point_faces]]))
+    surfaces = [surface.of_part(face_parts == part) for part in range(count)]
     part_low, part_high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(part_low, part_of, place)
     np.maximum.at(part_high, part_of, place)
-    mirror, partners = mirror_symmetry(part_low, part_high, np.array([box.area for box in own]))
+    mirror, partners = mirror_symmetry(part_low, part_high, np.array([one.areas.sum() for one in surfaces]))
+    own: list[_OwnBox] = []
+    for part, partner in enumerate(partners.tolist()):
+        vertices_here = place[part_of == part]
+        own.append(_OwnBox.of(surfaces[part], vertices_here, _axes(part, partner, surfaces, own, vertices_here)))
+    axes, boxes = np.stack([box.axes for box in own]), np.stack([box.box for box in own])
+    everything = np.concatenate([place, np.asarray(points, dtype=np.float64)])
+    touching, where = contacts(axes, boxes, everything, np.concatenate([part_of, face_parts[point_faces]]))
     ranges = [(part, *found) for part, box in enumerate(own) for found in box.ranges]
     return Structure(
         vertex_parts=part_of,
@@ -90,28 +94,38 @@ class _Surface:
 
 @dataclass(frozen=True, eq=False)
 class _OwnBox:
-    """One part as `Structure` lists it: its area, own axes and box, affine ranges (axis, low, high)."""
+    """One part as `Structure` lists it: its own axes and box, affine ranges (axis, low, high)."""
 
-    area: float
     curved: bool
     axes: Float[np.ndarray, "3 3"]
     box: Float[np.ndarray, "2 3"]
     ends_only: Bool[np.ndarray, "3"]
     ranges: list[AffineRange]
 
+    @classmethod
+    def of(
+        cls, surface: _Surface, vertices: Float[np.ndarray, "vertices 3"], axes: Float[np.ndarray, "3 3"]
+    ) -> _OwnBox:
+        """Compute one part's box along its own axes, by its faces and vertices."""
+        local = vertices @ axes.T
+        box = np.stack([local.min(axis=0), local.max(axis=0)])
+        if (axes == np.eye(3)).all():
+            ranges = affine_ranges(surface.normals, surface.low, surface.high)
+        else:
+            # An oblique part is affine throughout: over all of its box along the world's axes.
+            middle, reach = box.mean(axis=0) @ axes, (box[1] - box[0]) / 2 @ np.abs(axes)
+            low, high = (middle - reach).tolist(), (middle + reach).tolist()
+            ranges = [AffineRange(axis, low[axis], high[axis]) for axis in range(3)]
+        curved = float((surface.areas * surface.planar).sum()) < 0.5 * float(surface.areas.sum())
+        return cls(curved, axes, box, ends_only(vertices), ranges)
 
-def _own_box(surface: _Surface, vertices: np.ndarray) -> _OwnBox:
-    """Compute one part's box along its own axes, by its faces and vertices."""
-    area = float(surface.areas.sum())
-    axes = own_axes(surface.normals, surface.areas, surface.planar, vertices)
-    local = vertices @ axes.T
-    box = np.stack([local.min(axis=0), local.max(axis=0)])
-    if (axes == np.eye(3)).all():
-        ranges = affine_ranges(surface.normals, surface.low, surface.high)
-    else:
-        # An oblique part is affine throughout: over all of its box along the world's axes.
-        middle, reach = box.mean(axis=0) @ axes, (box[1] - box[0]) / 2 @ np.abs(axes)
-        low, high = (middle - reach).tolist(), (middle + reach).tolist()
-        ranges = [AffineRange(axis, low[axis], high[axis]) for axis in range(3)]
-    curved = float((surface.areas * surface.planar).sum()) < 0.5 * area
-    return _OwnBox(area, curved, axes, box, ends_only(vertices), ranges)
+
+def _axes(
+    part: int, partner: int, surfaces: list[_Surface], before: list[_OwnBox], vertices: np.ndarray
+) -> Float[np.ndarray, "3 3"]:
+    """Find a part's own axes, (3, 3); of parts that mirror each other they mirror each other too."""
+    if 0 <= partner < part:
+        return mirrored_axes(before[partner].axes)
+    surface = surfaces[part]
+    found = own_axes(surface.normals, surface.areas, surface.planar, vertices)
+    return symmetric_axes(found) if partner == part else found

@@ -49,6 +49,23 @@ def own_axes(
     return _named(found)
 
 
+def mirrored_axes(axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Mirror the axes of a part left to right, so that they stay right-handed and near x, y and z."""
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    found: np.ndarray = mirror @ axes @ mirror
+    return found
+
+
+def symmetric_axes(axes: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Rotate the axes of a part that is its own mirror image so that the first is x: the part leans back or not."""
+    second = np.array([0.0, axes[1, 1], axes[1, 2]])
+    length = float(np.linalg.norm(second))
+    if length < 1e-6:
+        return np.eye(3)
+    first, second = np.array([1.0, 0.0, 0.0]), second / length
+    return _named(np.stack([first, second, np.cross(first, second)]))
+
+
 def _dominant(normals: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Return the mean of the normals around the one of the largest weight, ignoring signs."""
     first = normals[int(weight.argmax())]
