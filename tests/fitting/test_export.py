@@ -111,7 +111,8 @@ def test_a_glb_keeps_names_materials_uvs_and_vertices(tmp_path, fitted):
     found, wanted = (read_gltf_file(file) for file in (tmp_path / "b.glb", tmp_path / "source" / "a.glb"))
     for key in ("materials", "textures"):
         assert found.content[key] == wanted.content[key]
-    assert [node.get("name") for node in found.content["nodes"]] == [n.get("name") for n in wanted.content["nodes"]]
+    names = [node.get("name") for node in found.content["nodes"]]
+    assert names == [*(node.get("name") for node in wanted.content["nodes"]), "chair/glb", "scan"]
     for left, right in zip(found.content["meshes"], wanted.content["meshes"], strict=True):
         (one,), (other,) = left["primitives"], right["primitives"]
         assert (left["name"], one["material"]) == (right["name"], other["material"])

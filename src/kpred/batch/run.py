@@ -205,12 +205,14 @@ def _worker_pool(ray: str | None, workers: int | None, settings: BatchSettings, 
 
 def _check_resources(settings: BatchSettings) -> None:
     """Check settings, model and database once, before the first scan."""
+    from kpred.exports import EXTENSIONS, check_extension
     from kpred.fitting.defaults import resolve_database, resolve_model, shared_categories
-    from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
 
-    if settings.mesh and settings.mesh not in OUTPUT_EXTENSIONS:
-        known = ", ".join(OUTPUT_EXTENSIONS)
+    if settings.mesh and settings.mesh not in EXTENSIONS:
+        known = ", ".join(EXTENSIONS)
         raise ConfigError(f"Meshes cannot be written as {settings.mesh!r}; use one of {known}.")
+    if settings.mesh:
+        check_extension(f"the meshes of the batch{settings.mesh}")
     shared_categories(resolve_model(settings.model), resolve_database(settings.database), settings.category)
 
 

@@ -15,6 +15,7 @@ from kpred.batch.time_limit import time_limit
 from kpred.database.address import without_password
 from kpred.parent import end_with_parent
 from kpred.refinement.config import Deform
+from kpred.shapes.unit import UnitName
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,6 +41,7 @@ class BatchSettings:
     deform: Deform = "auto"
     model_id: str | None = None
     clean: bool = True
+    unit: UnitName | Literal["auto"] = "auto"
     mesh: str = ".ply"
     time_limit: float | None = None
 
@@ -125,6 +127,7 @@ def fit_task(
                 deform=settings.deform,
                 model_id=settings.model_id,
                 clean=settings.clean,
+                unit=settings.unit,
             )
         place = Path(out, f"{task.stem}.json")
         place.parent.mkdir(parents=True, exist_ok=True)

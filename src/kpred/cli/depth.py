@@ -45,7 +45,7 @@ class FitDepthCommand(Command):
     """Camera matrix: .txt (3 x 3, 4 x 4, or fx fy cx cy), .json, .yaml (of RealSense, ROS, ScanNet, Open3D, ARKit,
     Azure Kinect, nerfstudio, ...) or .npy; that of a larger picture of the same view is scaled"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
-    """The mesh to write, by extension: .obj .ply .glb .stl"""
+    """The file to write, by extension, as of kpred fit; .glb .usdz .xml ... are y or z up, in metres"""
     pose: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
     """Camera-to-world matrix of each picture: .txt, .json, .yaml or .npy, metres; x right, y down, z forward, but under
     the key transform_matrix (nerfstudio) y up, z backward. Without it, how far the camera looks down is estimated"""
@@ -126,6 +126,7 @@ class FitDepthCommand(Command):
             model_id=self.model_id,
             up="-y" if tilt else self.up or ("y" if self.pose else "-y"),
             partial=partial,
+            unit="m",
             # Without poses the world is the camera's own frame, and this is its origin.
             sensor=scan.origins @ level.T,
         )

@@ -15,6 +15,7 @@ from kpred.cli.usage import UsageError
 from kpred.preprocessing.config import CleanConfig
 from kpred.refinement.config import Deform, RefineConfig
 from kpred.refinement.structure_config import StructureConfig
+from kpred.shapes.unit import UnitName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,13 +35,14 @@ class FitCommand(Command):
       kpred fit scan.ply -o desk.obj --sensor 0.4 1.6 2.0 --cleaning.wall False
       kpred fit scan.ply -o chair.obj --pose given:pose.txt --no-clean
       kpred fit scan.ply -o chair.obj --structure.contact 0.1
+      kpred fit scan.pcd -o chair.xml --unit mm --density 450
       kpred fit scan.ply -o chair.obj --deform free --refinement.reflection 0
     """
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
     """Point cloud or mesh of one object: .ply .pcd .xyz .pts .npy .npz .obj .stl .off .glb .gltf"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
-    """The mesh to write, by extension: .obj .ply .glb .stl"""
+    """The file to write, by extension: .obj .ply .stl .off; in metres: .glb .usd .usdz .ifc .urdf .sdf .xml (MJCF)"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
@@ -67,6 +69,10 @@ class FitCommand(Command):
     network says; auto takes the least of the first three that explains the scan"""
     model_id: Annotated[str | None, arg(metavar="ID")] = None
     """Fit this model of the database, and no other"""
+    unit: UnitName | Literal["auto"] = "auto"
+    """Unit of the scan's lengths, for files in metres; auto guesses it from the object's size"""
+    density: Annotated[float, arg(metavar="KG_PER_M3")] = 600.0
+    """Density of the furniture, for simulations (.urdf .sdf .xml)"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
     overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
@@ -114,8 +120,9 @@ class FitCommand(Command):
             clean=self.clean if self.cleaning == CleanConfig() else self.cleaning,
             refinement=self.refinement,
             structure=self.structure,
+            unit=self.unit,
         )
-        files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture)
+        files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture, density=self.density)
         describe(output, result, files)
 
     def _check(self) -> None:
@@ -128,6 +135,8 @@ class FitCommand(Command):
             raise UsageError("--refinement settings are those of --deform free; add it, or leave out the settings.")
         if self.deform not in ("auto", "structure") and self.structure != StructureConfig():
             raise UsageError("--structure settings are those of --deform auto and structure; leave them out.")
+        if not 0 < self.density < math.inf:
+            raise UsageError("--density must be a number of kilograms per cubic metre above 0.")
         for value in (*(self.sensor or ()), *(() if self.floor is None else (self.floor,))):
             if not math.isfinite(value):
                 raise UsageError("--sensor and --floor must be finite numbers.")

@@ -32,11 +32,9 @@ def check_output(
             one beside the mesh would overwrite what is no file of a fit.
     """
     from kpred.atomic import check_place
-    from kpred.shapes.mesh_io import OUTPUT_EXTENSIONS
+    from kpred.exports import check_extension
 
-    if path.suffix.lower() not in OUTPUT_EXTENSIONS:
-        known = ", ".join(OUTPUT_EXTENSIONS)
-        raise OutputError(f"Cannot write {path}: unknown extension {path.suffix!r}; use one of {known}.")
+    check_extension(path)
     for file in _files(path):
         check_place(file)
     if any(file.exists() and scan.exists() and file.samefile(scan) for file in _files(path)):
@@ -74,16 +72,19 @@ def write_files(
     *,
     scan_path: Path,
     picture: bool = True,
+    density: float | None = None,
     more: Mapping[Path, Callable[[Path], object]] | None = None,
 ) -> list[Path]:
     """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
 
     All of them or none, `more` included: files with what writes them (`kpred.atomic.write_together`).
+    `density`: of furniture in simulations, kg per cubic metre; by default that of wood.
 
     Raises:
         OutputError: a file cannot be written there.
     """
     from kpred.atomic import write_together
+    from kpred.exports.furniture import WOOD
     from kpred.fitting.export import result_writers
 
     mesh_file, record_file, picture_file = _files(path)
@@ -92,7 +93,7 @@ def write_files(
     with TemporaryDirectory(prefix="kpred-") as folder:
         scratch = Path(folder) / "picture.png"
         writers: dict[Path, Callable[[Path], object]] = {
-            **result_writers(fit, mesh_file),
+            **result_writers(fit, mesh_file, WOOD if density is None else density),
             record_file: lambda file: file.write_text(text, encoding="utf-8"),
         }
         if picture and _drawn(fit, scan, scratch):
@@ -126,7 +127,7 @@ def describe(output: Output, fit: Fit, files: list[Path]) -> None:
         ("right angles changed by", cleanliness.squareness, "degrees, mean", ""),
         ("flat faces bent by", 100 * cleanliness.flatness, "% of the longest side", ""),
         ("triangles", len(fit.mesh.faces), "", ""),
-        ("size", size, "scan units", "scan"),
+        ("size", size, fit.unit.name if fit.unit.origin != "assumed" else "scan units", "scan"),
         *((metric.name.replace("_", " "), metric.value, metric.unit, metric.frame) for metric in fit.metrics),
         ("time", f"{1000 * sum(fit.timings.values()):.0f}", "ms", ""),
     ]

@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.refinement.config import Deform
+from kpred.shapes.unit import UnitName
 
 if TYPE_CHECKING:
     from kpred.batch.run import BatchReport
@@ -53,8 +54,10 @@ class FitManyCommand(Command):
     """Fit this model of the database to every scan"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
     """Take the scans as they are"""
-    mesh: Literal[".ply", ".obj", ".glb", ".stl", "none"] = ".ply"
-    """Kind of mesh files; none writes records alone"""
+    mesh: Annotated[str, arg(metavar="EXTENSION")] = ".ply"
+    """Kind of mesh files, any that kpred fit writes (.glb, .usdz, .xml, ...); none writes records alone"""
+    unit: UnitName | Literal["auto"] = "auto"
+    """Unit of the scans' lengths, for mesh files in metres; auto guesses it for each from its size"""
     workers: Annotated[int | None, arg(metavar="N")] = None
     """Processes of one thread each; without it, one a core (on Ray, one a CPU of the cluster)"""
     ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
@@ -83,7 +86,8 @@ class FitManyCommand(Command):
             deform=self.deform,
             model_id=self.model_id,
             clean=self.clean,
-            mesh="" if self.mesh == "none" else self.mesh,
+            unit=self.unit,
+            mesh="" if self.mesh == "none" else f".{self.mesh.lower().removeprefix('.')}",
             time_limit=self.time_limit,
         )
         total = count_scans(self.source) if self.source.exists() else None

@@ -13,6 +13,7 @@ from kpred.pose.estimators import PoseEstimator
 from kpred.preprocessing.config import CleanConfig
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
+from kpred.shapes.unit import UNIT_NAMES, UnitName
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,7 @@ class FitOptions:
     structure: StructureConfig = field(default_factory=StructureConfig)
     sensors: np.ndarray | None = None
     floor: float | None = None
+    unit: UnitName | Literal["auto"] = "auto"
 
     def __post_init__(self) -> None:
         if self.top_k < 1:
@@ -46,6 +48,8 @@ class FitOptions:
             raise ConfigError(f"deform must be one of {', '.join(get_args(Deform))}, but is '{self.deform}'.")
         if self.floor is not None and not np.isfinite(self.floor):
             raise ConfigError(f"floor must be a finite height, but is {self.floor}.")
+        if self.unit not in ("auto", *UNIT_NAMES):
+            raise ConfigError(f"unit must be auto or one of {', '.join(UNIT_NAMES)}, but is '{self.unit}'.")
 
     @property
     def known(self) -> bool:

@@ -26,6 +26,7 @@ from kpred.pose.estimators import PoseEstimator
 from kpred.preprocessing.config import CleanConfig
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
+from kpred.shapes.unit import UnitName
 
 
 def fit(
@@ -47,6 +48,7 @@ def fit(
     structure: StructureConfig | None = None,
     sensor: np.ndarray | None = None,
     floor: float | None = None,
+    unit: UnitName | Literal["auto"] = "auto",
 ) -> Fit:
     """Find the CAD model that explains a scan of one object, and deform it to the scan.
 
@@ -73,6 +75,7 @@ def fit(
         refinement: settings of the keypoints' refinement; structure: of the structure-keeping deformation.
         sensor: (3,) or (S, 3) where the scanner stood, scan's frame; the result may not fill space it looked through.
         floor: height of the floor along the up axis, scan's frame and unit, where it is known: the object stands on it.
+        unit: of the scan's lengths (m, cm, mm, in, ft), for formats in metres; `auto` guesses it from the size.
 
     Candidates are compared by their error and by what they had to change (`kpred.refinement.score`).
 
@@ -98,6 +101,7 @@ def fit(
         structure=structure or StructureConfig(),
         sensors=sensor_positions(sensor),
         floor=floor,
+        unit=unit,
     )
     timer = Timer()
     with timer("load"):

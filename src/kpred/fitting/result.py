@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from kpred.exports.furniture import WOOD
 from kpred.fitting.assessment import Assessment
 from kpred.fitting.confidence import Evidence
 from kpred.fitting.deform import WHOLE, Deformed
@@ -25,6 +26,7 @@ from kpred.refinement.score import Step
 from kpred.shapes.appearance.appearance import Appearance
 from kpred.shapes.credit import Credit
 from kpred.shapes.structure.cleanliness import Cleanliness, measure_cleanliness
+from kpred.shapes.unit import LengthUnit, guess_unit
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ class Fit:
         category_errors: error of the best quick fit of each category tried, unit box squared, best first.
         cleaning: what each step of cleaning removed.
         partial: whether the networks for partial scans encoded it; seen: mean visibility of the result's surface.
+        unit: of the scan, given or guessed from the object's size.
         deform: how far models were allowed to be changed; frame_known: whether the caller vouched for the frame.
         metrics: errors of the result, each with unit and frame.
         timings: seconds per step.
@@ -104,6 +107,7 @@ class Fit:
     cleaning: tuple[CleaningStep, ...]
     partial: bool
     seen: float
+    unit: LengthUnit
     deform: str
     frame_known: bool
     metrics: tuple[Metric, ...]
@@ -120,6 +124,11 @@ class Fit:
         return self.source.category
 
     @property
+    def up(self) -> Float[np.ndarray, "3"]:
+        """Direction that points up in the scan's frame, (3,) of length one."""
+        return self.frame.rotation[1]
+
+    @property
     def details(self) -> dict[str, str]:
         """What the database says of the chosen model: title, author, licence, source, size, split, ..."""
         return dict(self.placed.entry.metadata)
@@ -131,15 +140,18 @@ class Fit:
         changes = "placed" if self.source.step == "none" else "placed and deformed"
         return Credit(self.source.model_id, self.category, self.details, changes, facts)
 
-    def save(self, path: str | os.PathLike[str]) -> list[Path]:
-        """Write the mesh with the model's materials and names, and return the files; see `kpred.fitting.export`.
+    def save(self, path: str | os.PathLike[str], density: float = WOOD) -> list[Path]:
+        """Write the result in the format of the extension (`kpred.exports.EXTENSIONS`), and return the files.
+
+        Args:
+            density: kg per cubic metre, for simulations.
 
         Raises:
-            OutputError: unknown extension, or a file cannot be written there.
+            OutputError: unknown extension, its library is not installed, or a file cannot be written there.
         """
         from kpred.fitting.export import save_result
 
-        return save_result(self, path)
+        return save_result(self, path, density)
 
     def candidate(self, rank: int) -> trimesh.Trimesh:
         """Deform the mesh of the candidate of this rank, 0 being the result; in the scan's frame and units.
@@ -207,6 +219,8 @@ class Fit:
             "partial": self.partial,
             "seen": self.seen,
             "frame_known": self.frame_known,
+            "up": self.up.tolist(),
+            "unit": {"name": self.unit.name, "metres": self.unit.metres, "origin": self.unit.origin},
             "metrics": [metric.__dict__ for metric in self.metrics],
             "candidates": [
                 {
@@ -263,6 +277,7 @@ def build_fit(
         cleaning=scan.steps,
         partial=deformed.candidates.partial,
         seen=deformed.seen,
+        unit=_unit(placed, frame, options),
         deform=options.deform,
         frame_known=options.known,
         metrics=_metrics(deformed, placed, options.known),
@@ -286,6 +301,15 @@ def _candidate(deformed: Deformed, row: int) -> Candidate:
         one.score,
         one.final,
     )
+
+
+def _unit(placed: Placed, frame: Frame, options: FitOptions) -> LengthUnit:
+    if options.unit != "auto":
+        return LengthUnit(options.unit, "given")
+    if options.known:
+        return LengthUnit("m", "assumed")
+    size = np.ptp(np.asarray(placed.mesh.vertices) @ frame.rotation.T, axis=0)
+    return guess_unit(size, placed.entry.category)
 
 
 def _category_errors(tried: Tried) -> dict[str, float]:

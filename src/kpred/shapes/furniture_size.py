@@ -8,13 +8,18 @@ _RANGES = {"chair": (0.3, 2.2), "table": (0.25, 4.0), "cabinet": (0.2, 4.0)}
 _ANY = (0.1, 5.0)
 
 
+def usual_range(category: str) -> tuple[float, float]:
+    """Return the least and the greatest longest side of furniture of a category, metres."""
+    return _RANGES.get(category, _ANY)
+
+
 def size_warning(size: np.ndarray, category: str, remedy: str) -> str | None:
     """Return a sentence about an implausible size (3,) in metres, or None where it is plausible.
 
     Args:
         remedy: how to give the right unit, the end of the sentence.
     """
-    smallest, largest = _RANGES.get(category, _ANY)
+    smallest, largest = usual_range(category)
     longest = float(np.max(size))
     if smallest <= longest <= largest:
         return None
