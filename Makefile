@@ -1,5 +1,5 @@
 # Two commands: `make demo` fits the bundled scan, `make test` runs the tests. Each makes .venv and installs what is pinned
-# when that has not been done, so they work in any order and on a fresh clone.
+# when that has not been done, and compiles what fits need, so they work in any order and on a fresh clone.
 
 # The first Python of a supported version; `make demo PYTHON=/path/to/python3.12` names another.
 PYTHON ?= $(shell for p in python3 python3.12 python3.11; do \
@@ -9,6 +9,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.kpred-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 TORCH := torch==2.13.0
+LINTED := src tests scripts examples benchmarks
 
 .PHONY: demo test lint format install docs dist wheel-test clean
 .DELETE_ON_ERROR:
@@ -20,14 +21,14 @@ test: $(STAMP)
 	@$(BIN)/python -m pytest -n 2 -q
 
 lint: $(STAMP)
-	@$(BIN)/ruff check src tests
-	@$(BIN)/ruff format --check src tests
+	@$(BIN)/ruff check $(LINTED)
+	@$(BIN)/ruff format --check $(LINTED)
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
 format: $(STAMP)
-	@$(BIN)/ruff check --fix src tests
-	@$(BIN)/ruff format src tests
+	@$(BIN)/ruff check --fix $(LINTED)
+	@$(BIN)/ruff format $(LINTED)
 
 install: $(STAMP)
 
@@ -56,6 +57,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) install -c constraints.txt '$(TORCH)'
 	@echo "installing kpred and its pinned dependencies"
 	@$(PIP) install -c constraints.txt -e '.[dev]' $(addprefix -e ./,$(wildcard paper))
+	@$(BIN)/kpred compile
 	@touch $(STAMP)
 
 clean:

@@ -20,6 +20,7 @@ COVERED_BY = {
     "batch/ray_*.py": "batch/test_ray.py",
     "bench/*.py": "cli/test_bench.py",
     "cli/command.py": "cli/test_main.py",
+    "cli/compile.py": "cli/test_main.py",
     "cli/data*.py": "cli/test_main.py",
     "cli/database*.py": "cli/test_database_copy.py",
     "cli/demo.py": "cli/test_main.py",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
@@ -16,6 +16,8 @@ from kpred.cli.output import Output
 class Command:
     """One command of the command line; its fields are its options."""
 
+    fits: ClassVar[bool] = False
+    """Whether it fits scans: it reports when code is being compiled first"""
     json: Annotated[bool, arg(help_behavior_hint="")] = False
     """Print the result as JSON on standard output, all else on standard error"""
     debug: Annotated[bool, arg(help_behavior_hint="")] = False

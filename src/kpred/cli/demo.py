@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
@@ -20,6 +20,8 @@ class DemoCommand(Command):
       kpred demo
       kpred demo -o /some/folder --json
     """
+
+    fits: ClassVar[bool] = True
 
     output: Annotated[Path, arg(aliases=["-o"], metavar="FOLDER")] = Path("kpred-demo")
     """Where to write; the folder is made"""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial as partial_call
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
@@ -38,6 +38,8 @@ class FitDepthCommand(Command):
       kpred fit-depth frame.png --intrinsics camera.txt --mask chair.png --deform none -o chair.obj
       kpred fit-depth frame.png --intrinsics camera.json --mask ids.png --mask-id 7 --rgb frame.jpg -o table.ply
     """
+
+    fits: ClassVar[bool] = True
 
     depth: Annotated[Positional[tuple[Path, ...]], arg(metavar="DEPTH [DEPTH ...]")]
     """Depth pictures: 16-bit .png or .tiff in millimetres, .npy or .tiff of floats in metres"""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import FlagConversionOff, Positional, arg
 
@@ -38,6 +38,8 @@ class FitCommand(Command):
       kpred fit scan.pcd -o chair.xml --unit mm --density 450
       kpred fit scan.ply -o chair.obj --deform free --refinement.reflection 0
     """
+
+    fits: ClassVar[bool] = True
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
     """Point cloud or mesh of one object: .ply .pcd .xyz .pts .npy .npz .obj .stl .off .glb .gltf"""

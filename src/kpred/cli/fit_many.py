@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
@@ -31,6 +31,8 @@ class FitManyCommand(Command):
       kpred fit-many scans/ -o placed/ --deform scale --mesh .glb
       kpred fit-many s3_copy/scans.parquet -o /shared/fitted --ray auto --mesh .glb
     """
+
+    fits: ClassVar[bool] = True
 
     source: Annotated[Positional[Path], arg(metavar="INPUT")]
     """Folder of scans, or Parquet manifest (.parquet)"""

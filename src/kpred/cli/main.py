@@ -12,10 +12,12 @@ import sys
 import traceback
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
 from kpred._version import __version__
+from kpred.cli.compilation import cache_problem, reported_compilation
 from kpred.cli.stopping import report_stop, stopped_by_signals
 from kpred.cli.usage import UsageError
 from kpred.errors import KpredError
@@ -35,6 +37,7 @@ COMMANDS = {
     "evaluate": "Measure a model: on whole shapes, on virtual scans, on real scans.",
     "plot": "Draw figures: occlusion curves, maps of tokens, keypoints, influence, grids of results.",
     "bench": "Measure speed and memory on this machine, beside the plain way of doing the same.",
+    "compile": "Compile the code of a fit ahead of the first one.",
     "info": "Show versions, bundled models and the bundled database.",
 }
 """Name -> one line. A command's module is `kpred.cli.<name>` and is imported only when it is called."""
@@ -125,7 +128,9 @@ def _run(name: str, words: list[str]) -> int:
         default=start,
         config=(tyro.conf.FlagCreatePairsOff,),
     )
-    command.run(Output(as_json=command.json, command=line))
+    output = Output(as_json=command.json, command=line)
+    with reported_compilation(output.caution) if command.fits else nullcontext():
+        command.run(output)
     return OK
 
 
@@ -148,6 +153,8 @@ def _sentence(error: Exception) -> str:
 
     if isinstance(error, KpredError | UsageError):
         text = str(error)
+    elif (problem := cache_problem(error)) is not None:
+        text = problem
     elif isinstance(error, OSError):
         where = error.filename if error.filename is not None else "a file"
         text = f"{where}: {error.strerror or error}; make room, or choose a place that can be read and written"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
@@ -34,6 +34,8 @@ class SceneCommand(Command):
       kpred scene room.ply --objects instances.npy -o room.glb --json
       kpred scene office.ply --objects chairs.json -o office.glb --model-id chair_0042 --deform none
     """
+
+    fits: ClassVar[bool] = True
 
     scene: Annotated[Positional[Path], arg(metavar="SCENE")]
     """Scanned scene, cloud or mesh: .ply (ScanNet, S3DIS, any), .pcd .txt .xyz .npy .npz .obj .glb ..."""

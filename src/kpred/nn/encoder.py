@@ -45,7 +45,7 @@ class RegionEncoder(nn.Module):
         self.later_points = nn.ModuleList([nn.Linear(width, width) for _ in range(config.stages - 1)])
         self.later_tokens = nn.ModuleList([nn.Linear(width, width, bias=False) for _ in range(config.stages - 1)])
         self.place = nn.Linear(3, width)
-        self.identity = nn.Parameter(torch.randn(config.keypoints, width) * 0.02)
+        self.identity = _identity(config)
         self.attention = nn.ModuleList([TokenAttention(width, config.heads) for _ in range(config.stages)])
         self.final = nn.LayerNorm(width)
 
@@ -75,7 +75,7 @@ class GlobalEncoder(nn.Module):
         super().__init__()
         self.config = config
         self.layers = nn.ModuleList([nn.Linear(3, 64), nn.Linear(64, 128), nn.Linear(128, config.width)])
-        self.identity = nn.Parameter(torch.randn(config.keypoints, config.width) * 0.02)
+        self.identity = _identity(config)
 
     def forward(
         self, points: Float[Tensor, "batch points 3"], keypoints: Float[Tensor, "batch keypoints 3"]
@@ -85,6 +85,15 @@ class GlobalEncoder(nn.Module):
         for layer in self.layers:
             features = functional.leaky_relu(layer(features), 0.1)
         return features.amax(1)[:, None] + self.identity
+
+
+def _identity(config: ModelConfig) -> nn.Parameter:
+    """Draw the features (keypoints, width) that distinguish keypoints before training."""
+    features = torch.empty(config.keypoints, config.width)
+    # On the meta device only sizes are wanted, and drawing there would load torch's compiler: longer than a fit.
+    if not features.is_meta:
+        features.normal_().mul_(0.02)
+    return nn.Parameter(features)
 
 
 def make_encoder(config: ModelConfig, local: bool) -> RegionEncoder | GlobalEncoder:

@@ -59,7 +59,8 @@ class RegionDecoder(nn.Module):
 
 def _sphere(count: int) -> Tensor:
     """Return points spread evenly over the unit sphere (Fibonacci lattice)."""
-    step = torch.arange(count, dtype=torch.float64) + 0.5
+    # On the meta device, where weights files are checked, this would load torch's compiler.
+    step = torch.arange(count, dtype=torch.float64, device="cpu") + 0.5
     height = 1 - 2 * step / count
     angle = torch.pi * (1 + 5**0.5) * step
     ring = (1 - height.square()).sqrt()
