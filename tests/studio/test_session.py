@@ -9,6 +9,7 @@ from kpred.errors import ConfigError, KpredError, ScanError
 from kpred.studio.gestures import (
     WHOLE,
     ChooseModel,
+    ChooseUnit,
     ChooseUp,
     Crop,
     Gesture,
@@ -113,6 +114,12 @@ def test_a_turn_turns_the_front_from_z_towards_x(start: State) -> None:
     # Rows are the object's axes in the scan's frame: its new front was its right side.
     np.testing.assert_allclose(after[2], before[0], atol=1e-9)
     np.testing.assert_allclose(after[1], before[1], atol=1e-9)
+
+
+def test_another_unit_changes_lengths_in_metres_alone(start: State) -> None:
+    state = Session(start).do(ChooseUnit("mm"))
+    assert state.result.unit.metres == 0.001
+    np.testing.assert_array_equal(state.vertices, start.vertices)
 
 
 def test_another_up_axis_is_taken(start: State) -> None:

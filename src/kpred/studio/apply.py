@@ -13,6 +13,7 @@ from kpred.fitting.pipeline import Timer, run_fit
 from kpred.ops.rotations import yaw_rotation
 from kpred.pose.estimators import GivenPose
 from kpred.shapes.scan import MINIMUM_POINTS
+from kpred.shapes.unit import LengthUnit, guess_unit
 from kpred.studio.drag import AXES, Drag, check_keypoint
 from kpred.studio.gestures import (
     AUTO,
@@ -20,6 +21,7 @@ from kpred.studio.gestures import (
     ChooseCategory,
     ChooseDeform,
     ChooseModel,
+    ChooseUnit,
     ChooseUp,
     Crop,
     Gesture,
@@ -70,6 +72,16 @@ def _deform(gesture: ChooseDeform, state: State) -> State:
     again = state.fitted(state.context, replace(state.options, deform=gesture.deform))
     chosen = state.fit.source.model_id
     return again if again.fit.source.model_id == chosen else _model(ChooseModel(chosen), again)
+
+
+@apply.register
+def _unit(gesture: ChooseUnit, state: State) -> State:
+    if gesture.unit == "auto":
+        unit = guess_unit(state.part_sizes(WHOLE), state.fit.category)
+    else:
+        unit = LengthUnit(gesture.unit, "given")
+    searched, fit = replace(state.searched, unit=unit), replace(state.fit, unit=unit)
+    return replace(state, options=replace(state.options, unit=gesture.unit), searched=searched, fit=fit)
 
 
 @apply.register

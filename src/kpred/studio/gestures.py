@@ -10,9 +10,11 @@ from typing import Any, Literal, get_args
 from kpred.errors import ConfigError
 from kpred.ops.rotations import UP_AXES
 from kpred.refinement.config import Deform
+from kpred.shapes.unit import UNIT_NAMES, UnitName
 
 Vector = tuple[float, float, float]
 Axis = Literal["x", "y", "z"]
+UnitChoice = UnitName | Literal["auto"]
 
 AUTO = "auto"
 """Value of a correction that leaves the decision to the fit again."""
@@ -58,6 +60,17 @@ class ChooseDeform:
     def __post_init__(self) -> None:
         if self.deform not in get_args(Deform):
             raise ConfigError(f"The deform mode must be one of {', '.join(get_args(Deform))}, but is '{self.deform}'.")
+
+
+@dataclass(frozen=True)
+class ChooseUnit:
+    """Take the scan's lengths for metres, centimetres, ...; `auto`: guess it from the object's size."""
+
+    unit: UnitChoice
+
+    def __post_init__(self) -> None:
+        if self.unit not in (AUTO, *UNIT_NAMES):
+            raise ConfigError(f"The unit must be auto or one of {', '.join(UNIT_NAMES)}, but is '{self.unit}'.")
 
 
 @dataclass(frozen=True)
@@ -145,6 +158,7 @@ Gesture = (
     | ChooseUp
     | Turn
     | ChooseDeform
+    | ChooseUnit
     | Crop
     | ChooseModel
     | MoveKeypoint
@@ -194,8 +208,8 @@ def _checked(kind: str, value: Any) -> Any:
         if len(rows) != 3:
             raise ValueError(value)
         return rows
-    types = {"int": int, "bool": bool, "str": str, "Axis": str, "Deform": str, "Axis | None": str | None}
-    if not isinstance(value, types[kind]) or (kind == "int" and isinstance(value, bool)):
+    types = {"int": int, "bool": bool, "str": str, "Axis | None": str | None}
+    if not isinstance(value, types.get(kind, str)) or (kind == "int" and isinstance(value, bool)):
         raise ValueError(value)
     return value
 

@@ -35,6 +35,7 @@ OPTIONS: dict[str, tuple[type, ...]] = {
     "seed": (int,),
     "model_id": (str, NoneType),
     "floor": (int, float, NoneType),
+    "unit": (str,),
 }
 """Options of the first fit that a record holds, with their types; studio leaves all others at their defaults."""
 
