@@ -37,5 +37,9 @@ class OutputError(KpredError):
     """A result cannot be written: unknown extension, missing permission or a full disk."""
 
 
+class RecordError(KpredError):
+    """A record of a fit is missing, damaged, or what it was made from has changed."""
+
+
 class ManifestError(KpredError):
     """A manifest or a batch of scans is missing, unreadable, or not what was begun."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from kpred.batch.task import Task
 from kpred.batch.time_limit import time_limit
 from kpred.database.address import without_password
+from kpred.json_output import json_text
 from kpred.parent import end_with_parent
 from kpred.refinement.config import Deform
 from kpred.shapes.unit import UnitName
@@ -142,8 +142,8 @@ def fit_task(
             "warnings": len(found.warnings),
             "mesh": mesh,
         }
-        record = {"scan": task.path, "batch": row, **found.to_json()}
-        text = json.dumps(record, indent=1, default=_plain) + "\n"
+        found = replace(found, source_data=found.source_data.from_file(task.path))
+        text = json_text({**found.record(), "scan": task.path, "mesh": mesh, "batch": row}, indent=1)
         # The record comes last: where it is, the scan is done.
         writers: dict[Path, Callable[[Path], object]] = {}
         if mesh:
@@ -218,9 +218,3 @@ def _placed(name: str | None, device: str) -> Model:
         part.register_forward_pre_hook(lambda _, inputs: moved(inputs, device))
         part.register_forward_hook(lambda _, __, output: moved(output, "cpu"))
     return model
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -43,7 +43,7 @@ class DemoCommand(Command):
         scan_path = sample_scan()
         scan = read_scan(scan_path)
         output.note(f"scan: {scan_path.name}, {len(scan)} points")
-        result = fit(scan)
+        result = fit(scan_path)
         mesh_file = self.output / f"{scan_path.stem}.obj"
         describe(output, result, write_files(result, scan, mesh_file, scan_path=scan_path, picture=self.picture))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -124,6 +124,7 @@ class FitCommand(Command):
             structure=self.structure,
             unit=self.unit,
         )
+        result = replace(result, source_data=result.source_data.from_file(self.scan))
         files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture, density=self.density)
         describe(output, result, files)
 

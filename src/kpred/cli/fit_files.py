@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from kpred._version import __version__
 from kpred.cli.output import Output
 from kpred.errors import OutputError
 from kpred.fitting import Fit
@@ -88,7 +87,7 @@ def write_files(
     from kpred.fitting.export import result_writers
 
     mesh_file, record_file, picture_file = _files(path)
-    record = {"kpred": __version__, "scan": scan_path, "mesh": mesh_file, **fit.to_json()}
+    record = {**fit.record(), "scan": scan_path, "mesh": mesh_file}
     text = json_text(record)
     with TemporaryDirectory(prefix="kpred-") as folder:
         scratch = Path(folder) / "picture.png"

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "fit": "Fit a CAD model to a scan: mesh, record and picture.",
     "fit-many": "Fit CAD models to very many scans: folders or Parquet manifests, processes or a Ray cluster.",
+    "refit": "Make a fit again from its record, to the bit.",
     "fit-depth": "Fit a CAD model to depth pictures of a known camera, and draw it over the photograph.",
     "scene": "Fit a CAD model to every object of a scanned scene: one GLB, records and picture.",
     "demo": "Fit the bundled sample scan with the bundled models.",

@@ -44,16 +44,17 @@ class BoundedCache(Generic[Value]):
 
 
 class DatabaseCache:
-    """Category names, search indices, fitting arrays and entries, all of the same `version` (None: nothing read)."""
+    """What was read, all of the same `version` of the content (None: nothing read)."""
 
     def __init__(self) -> None:
         self.version: object = None
         self.categories: BoundedCache[tuple[str, ...]] = BoundedCache()
+        self.fingerprint: BoundedCache[str] = BoundedCache()
         self.indices: BoundedCache[Index] = BoundedCache()
         self.arrays: BoundedCache[FittingArrays] = BoundedCache(MAX_ARRAYS)
         self.entries: BoundedCache[Entry] = BoundedCache(MAX_ENTRIES, lambda e: len(e.mesh.vertices) <= MAX_VERTICES)
 
     def clear(self) -> None:
         """Drop all values but keep the version."""
-        for cache in (self.categories, self.indices, self.arrays, self.entries):
+        for cache in (self.categories, self.fingerprint, self.indices, self.arrays, self.entries):
             cache.clear()

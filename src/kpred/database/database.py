@@ -20,6 +20,7 @@ from kpred.database.cache import BoundedCache, DatabaseCache
 from kpred.database.candidates import Candidates, stack_candidates
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
+from kpred.database.fingerprint import read_fingerprint
 from kpred.database.postgres import PostgresBackend, database_exists
 from kpred.database.records import ModelRecord, insert_records, make_record, read_records
 from kpred.database.rows import (
@@ -173,6 +174,11 @@ class Database:
         return self._cached(self._cache.categories, ("",), lambda connection, _: {"": read_category_names(connection)})[
             ""
         ]
+
+    def fingerprint(self) -> str:
+        """Hash the content, as 64 hexadecimal digits; equal for copies, other after every change of a model."""
+        found = self._cached(self._cache.fingerprint, ("",), lambda connection, _: {"": read_fingerprint(connection)})
+        return found[""]
 
     def model_ids(self, category: str | None = None) -> tuple[str, ...]:
         """Return the ids of all models, or of one category, sorted."""

@@ -19,6 +19,7 @@ from kpred.fitting.placed import place
 from kpred.fitting.raw_scan import read_raw_scan
 from kpred.fitting.result import Fit, build_fit
 from kpred.fitting.selection import rank_candidates
+from kpred.fitting.source import FitSource
 from kpred.fitting.stages import Context, align, find_up, propose_poses, try_poses
 from kpred.fitting.stages import clean as clean_points
 from kpred.nn import Model
@@ -115,6 +116,7 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
     """Fit a scan: read, clean, pose, retrieve, deform, select, place, assess."""
     with timer("read"):
         raw = read_raw_scan(scan, options)
+        source = FitSource.of(scan, raw.points, context, options)
     with timer("up"):
         up = find_up(raw, context, options)
     with timer("clean"):
@@ -141,7 +143,7 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
         placed = place(deformed, order, aligned.best.frame, context.database, options.known)
     with timer("assess"):
         assessment = assess(deformed, placed, aligned, cloud, context)
-    return build_fit(cloud, aligned, deformed, order, placed, assessment, timer.seconds, context, options)
+    return build_fit(cloud, aligned, deformed, order, placed, assessment, timer.seconds, source)
 
 
 class Timer:

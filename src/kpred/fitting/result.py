@@ -18,7 +18,8 @@ from kpred.fitting.confidence import Evidence
 from kpred.fitting.deform import WHOLE, Deformed
 from kpred.fitting.options import FitOptions
 from kpred.fitting.placed import Placed, PlacedModel, in_own_size, place_mesh
-from kpred.fitting.stages import CleanScan, Context, Tried
+from kpred.fitting.source import FitSource
+from kpred.fitting.stages import CleanScan, Tried
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float
 from kpred.preprocessing.clean import CleaningStep
@@ -114,6 +115,7 @@ class Fit:
     timings: dict[str, float]
     evidence: Evidence
     placed: Placed = field(repr=False)
+    source_data: FitSource = field(repr=False)
     mesh_of: Callable[[int], trimesh.Trimesh] = field(repr=False)
     read_appearance: Callable[[], Appearance | None] = field(repr=False)
     warnings: tuple[str, ...] = ()
@@ -152,6 +154,16 @@ class Fit:
         from kpred.fitting.export import save_result
 
         return save_result(self, path, density)
+
+    def record(self) -> dict[str, Any]:
+        """Return the record as plain values: all but the meshes, and all that makes the fit again (`kpred refit`).
+
+        Raises:
+            ScanError: the scan's file is gone. DatabaseError: the database is closed.
+        """
+        from kpred.fitting.record import make_record
+
+        return make_record(self)
 
     def candidate(self, rank: int) -> trimesh.Trimesh:
         """Deform the mesh of the candidate of this rank, 0 being the result; in the scan's frame and units.
@@ -250,10 +262,10 @@ def build_fit(
     placed: Placed,
     assessment: Assessment,
     timings: dict[str, float],
-    context: Context,
-    options: FitOptions,
+    source: FitSource,
 ) -> Fit:
     """Gather what the stages found."""
+    context, options = source.context, source.options
     candidates = tuple(_candidate(deformed, row) for row in order)
     frame = tried.best.frame
 
@@ -284,6 +296,7 @@ def build_fit(
         timings=timings,
         evidence=assessment.evidence,
         placed=placed,
+        source_data=source,
         mesh_of=mesh_of,
         read_appearance=lambda: context.database.appearance(candidates[0].model_id),
         warnings=assessment.warnings,
