@@ -64,6 +64,7 @@ def test_what_has_changed_is_named(fitted: Path, refusal: Callable[..., str], wh
     [
         ("{", "no readable JSON"),
         ("[1]", "no record that can be repeated"),
+        ('{"kpred": "0.1.0", "studio": 1}', "a session of kpred studio"),
         ('{"kpred": "0.0.1"}', "fit the scan again with this version"),
         ('{"kpred": "9.0", "record_version": 99}', "written by kpred 9.0"),
         ('{"record_version": 1}', "the scan is missing"),

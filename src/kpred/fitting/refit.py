@@ -55,6 +55,8 @@ def read_record(path: str | os.PathLike[str]) -> Record:
         raise RecordError(f"{file}: {error.strerror or error}; give the record that kpred fit wrote.") from error
     except (ValueError, RecursionError) as error:
         raise RecordError(f"{file}: it is no readable JSON; give the record that kpred fit wrote.") from error
+    if isinstance(content, dict) and "studio" in content:
+        raise RecordError(f"{file}: it is the record of a session of kpred studio; open it there.")
     if not isinstance(content, dict) or not isinstance(content.get("record_version"), int):
         raise RecordError(f"{file}: it is no record that can be repeated; fit the scan again with this version.")
     if content["record_version"] > RECORD_VERSION:
