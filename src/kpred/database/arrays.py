@@ -32,11 +32,21 @@ def pack_array(array: np.ndarray, dtype: str, step: float | None = None) -> dict
     least = 0.97 * len(data)
     by_column = stored.ndim > 1 and 0 < stored.shape[-1] <= _MAX_COLUMNS
     for name in _ORDERS if by_column else _ORDERS[:1]:
-        packed = zlib.compress(_shuffled(stored, name), 9)
+        packed = compress(_shuffled(stored, name))
         if len(packed) < least:
             codec, data, least = name, packed, len(packed)
     shape = ",".join(str(size) for size in stored.shape)
     return {"dtype": dtype, "shape": shape, "step": step, "codec": codec, "data": data}
+
+
+def compress(data: bytes) -> bytes:
+    """Compress by zlib as small as its settings allow: filtered data has other lengths of repeats than text."""
+    settings = _SETTINGS if len(data) <= _MAX_TRIED else _SETTINGS[:1]
+    found = []
+    for memory, strategy in settings:
+        deflate = zlib.compressobj(9, zlib.DEFLATED, zlib.MAX_WBITS, memory, strategy)
+        found.append(deflate.compress(data) + deflate.flush())
+    return min(found, key=len)
 
 
 def unpack_array(dtype: str, shape: str, step: float | None, codec: str, data: bytes) -> np.ndarray:
@@ -79,6 +89,12 @@ def on_grid(array: np.ndarray, step: float) -> np.ndarray:
 _ORDERS = ("shuffle-zlib", "columns-zlib")
 """Orders of bytes before compression by zlib: all first bytes of the numbers together, then all second ones and so on
 (the high bytes are alike); the same after putting the first columns of all rows together, then the second ones."""
+
+_SETTINGS = ((8, zlib.Z_DEFAULT_STRATEGY), (8, zlib.Z_FILTERED), (6, zlib.Z_FILTERED))
+"""Memory levels and strategies of zlib that are tried; a low level gives each few kilobytes codes of their own."""
+
+_MAX_TRIED = 1 << 20
+"""Larger arrays are compressed once, by zlib's own settings."""
 
 _MAX_COLUMNS = 8
 """Coordinates and corners are alike by column; of wider arrays it is not tried."""

@@ -14,7 +14,7 @@ import numpy as np
 from sqlalchemy import Connection, Select, delete, func, select, update
 
 from kpred.database.arrays import DamagedArray, unpack_array
-from kpred.database.curve_coding import CODEC, unpack_along_curve
+from kpred.database.curve_coding import CODECS, unpack_along_curve
 from kpred.database.entry import APPEARANCE, Entry, unpack_frame
 from kpred.database.schema import ArrayRow, CategoryRow, DescriptorRow, InfoRow, ModelRow
 from kpred.database.structure_arrays import FITTING_STRUCTURE, check_point_structure, unpack_structure
@@ -267,15 +267,15 @@ def read_arrays(
     arrays: dict[int, dict[str, np.ndarray]] = {model: {} for model in models}
     along_curve = []
     for model, name, dtype, shape, step, codec, data in connection.execute(query):
-        if codec == CODEC:
-            along_curve.append((model, name, dtype, shape, step, data))
+        if codec in CODECS:
+            along_curve.append((model, name, dtype, shape, step, codec, data))
             continue
         with of_model(models[model]):
             arrays[model][name] = unpack_array(dtype, shape, step, codec, data)
-    for model, name, dtype, shape, step, data in along_curve:
+    for model, name, dtype, shape, step, codec, data in along_curve:
         with of_model(models[model]):
             places = arrays[model]["points" if name == "point_basis" else "vertices"]
-            arrays[model][name] = unpack_along_curve(dtype, shape, step, data, places)
+            arrays[model][name] = unpack_along_curve(dtype, shape, step, codec, data, places)
     return arrays
 
 
