@@ -31,6 +31,7 @@ COMMANDS = {
     "refit": "Make a fit again from its record, to the bit.",
     "fit-depth": "Fit a CAD model to depth pictures of a known camera, and draw it over the photograph.",
     "scene": "Fit a CAD model to every object of a scanned scene: one GLB, records and picture.",
+    "studio": "Look at a fit in the browser, and correct it by hand.",
     "demo": "Fit the bundled sample scan with the bundled models.",
     "database": "Build, change, search and describe a database of CAD models.",
     "data": "Generate synthetic furniture; describe mesh packs; check and prepare data sets.",

@@ -24,6 +24,7 @@ class _Done:
 
     gesture: Gesture
     state: State
+    drag: Drag | None = None
 
 
 class Session:
@@ -52,6 +53,13 @@ class Session:
             except ConfigError as error:
                 raise ConfigError(f"Gesture {number} ({type(gesture).__name__}): {error}") from error
         return session
+
+    def copy(self) -> Session:
+        """Return another session that begins where this one is; neither notices what the other does."""
+        with self._lock:
+            made = Session(self.start)
+            made._done, made._undone = list(self._done), list(self._undone)
+            return made
 
     @property
     def state(self) -> State:
@@ -96,13 +104,21 @@ class Session:
     def drop(self, gesture: MoveKeypoint, drag: Drag) -> State:
         """Let go of a dragged keypoint: a move, without computing its response again.
 
-        A drag that another gesture has overtaken is done anew.
+        A drag that goes on after it was let go replaces the gesture it ended as. One that another gesture has overtaken
+        is done anew.
         """
         with self._lock:
+            if self._done and self._done[-1].drag is drag:
+                self._done.pop()
             if drag.state is not self.state:
                 return self.do(gesture)
             x, y, z = gesture.place
-            return self._add(gesture, drag.dropped(np.array([x, y, z])))
+            return self._add(gesture, drag.dropped(np.array([x, y, z])), drag)
+
+    def goes_on(self, drag: Drag) -> bool:
+        """Return whether a drag may go on: nothing was done since it began, but the gesture it ended as."""
+        with self._lock:
+            return drag.state is self.state or (bool(self._done) and self._done[-1].drag is drag)
 
     def undo(self) -> State:
         """Take back the last gesture, if there is one."""
@@ -118,9 +134,9 @@ class Session:
                 self._done.append(self._undone.pop())
             return self.state
 
-    def _add(self, gesture: Gesture, state: State) -> State:
+    def _add(self, gesture: Gesture, state: State, drag: Drag | None = None) -> State:
         if len(self._done) >= MAX_GESTURES:
             raise ConfigError(f"A session holds at most {MAX_GESTURES} gestures; save it and begin another.")
-        self._done.append(_Done(gesture, state))
+        self._done.append(_Done(gesture, state, drag))
         self._undone.clear()
         return state

@@ -1,0 +1,50 @@
+"""Thumbnails of the candidates, numbered, on one picture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from kpred.fitting.result import Fit
+from kpred.ops.typing import UInt8
+from kpred.rendering.overlay import draw_overlay
+from kpred.rendering.view import square_camera
+
+SIDE, COLUMNS = 72, 5
+"""Width and height of a thumbnail, pixels; thumbnails in a row."""
+
+FINE = 2
+"""They are drawn so many times as large, for thin outlines."""
+
+_FOCAL, _TEXT, _CHOSEN = 2.2, (40, 40, 40), (33, 102, 172)
+
+
+def candidate_thumbnails(fit: Fit) -> list[UInt8[np.ndarray, "side side 3"]]:
+    """Draw each candidate of a fit as it was deformed, seen from the front, side and above."""
+    found = []
+    for rank in range(len(fit.candidates)):
+        mesh = fit.candidate(rank)
+        vertices = fit.frame.to_unit(np.asarray(mesh.vertices, dtype=np.float64))
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        radius = float(np.linalg.norm(high - low)) / 2 or 1.0
+        camera = square_camera((low + high) / 2, _FOCAL * radius * 1.2, _FOCAL, FINE * SIDE)
+        canvas = np.full((FINE * SIDE, FINE * SIDE, 3), 255, np.uint8)
+        drawn = draw_overlay(canvas, vertices, np.asarray(mesh.faces), camera, 1.0)
+        found.append(np.asarray(Image.fromarray(drawn).resize((SIDE, SIDE), Image.Resampling.LANCZOS)))
+    return found
+
+
+def thumbnail_sheet(thumbnails: list[UInt8[np.ndarray, "side side 3"]], chosen: int | None) -> np.ndarray:
+    """Put numbered thumbnails on one picture (H, W, 3), the chosen one framed."""
+    rows = math.ceil(len(thumbnails) / COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * SIDE, rows * SIDE), "white")
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=12)
+    for number, thumbnail in enumerate(thumbnails):
+        left, top = number % COLUMNS * SIDE, number // COLUMNS * SIDE
+        sheet.paste(Image.fromarray(thumbnail), (left, top))
+        pen.text((left + 4, top + 2), str(number + 1), _CHOSEN if number == chosen else _TEXT, font)
+        if number == chosen:
+            pen.rectangle((left + 1, top + 1, left + SIDE - 2, top + SIDE - 2), outline=_CHOSEN, width=2)
+    return np.asarray(sheet)

@@ -1,0 +1,175 @@
+"""Every gesture in headless Chromium: two tabs that do not mix, a drag by the mouse, sizes, crop, downloads, errors."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kpred.studio.gestures import ChooseModel, Crop, MoveKeypoint, RefitRest, SetSize, Turn
+from kpred.studio.serve import Studio
+from kpred.studio.state import State
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+PICTURES = os.environ.get("KPRED_STUDIO_PICTURES")
+"""Folder for pictures of the page, to look at."""
+
+LONG = 180_000
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (apt-get install chromium)"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    pytest.importorskip("viser", reason="viser is not installed (the extra studio)")
+    with api.sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def studio(start: State) -> Iterator[Studio]:
+    running = Studio(start, "chair_scan.ply", port=0)
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def tab(browser: Any, studio: Studio) -> Iterator[Any]:
+    context = browser.new_context(viewport={"width": 1200, "height": 820})
+    page = context.new_page()
+    page.set_default_timeout(LONG)
+    page.goto(studio.url)
+    page.get_by_text("Scan to result").wait_for()
+    yield page
+    context.close()
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + LONG / 1000
+    while not condition():
+        assert time.monotonic() < end, "the page did not follow"
+        time.sleep(0.05)
+
+
+def _picture(tab: Any, name: str) -> None:
+    if PICTURES:
+        tab.wait_for_timeout(4000)
+        tab.screenshot(path=str(Path(PICTURES) / f"{name}.png"))
+
+
+def _screen(tab: Any, point: np.ndarray, camera: Any) -> tuple[float, float]:
+    """Where a point of the scene is on the screen; viser's camera looks along +z, with x right and y down."""
+    w, x, y, z = camera.wxyz
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    right, down, forward = rotation.T @ (point - camera.position)
+    box = tab.locator("canvas").first.bounding_box()
+    focal = box["height"] / 2 / np.tan(camera.fov / 2)
+    return (
+        box["x"] + box["width"] / 2 + focal * right / forward,
+        box["y"] + box["height"] / 2 + focal * down / forward,
+    )
+
+
+def test_a_keypoint_is_dragged_by_the_mouse_and_undone_in_one_tab_alone(tab: Any, browser: Any, studio: Studio) -> None:
+    mine = studio.pages[-1]
+    other = browser.new_page()
+    other.goto(studio.url)
+    other.get_by_text("Scan to result").wait_for(timeout=LONG)
+    _picture(tab, "start")
+    keypoint = int(mine.state.shape.keypoints[:, 1].argmax())
+    mine.select(keypoint)
+    tab.wait_for_timeout(3000)
+    # The arrow upward begins above the keypoint.
+    x, y = _screen(tab, mine.state.shape.keypoints[keypoint] + [0.0, 0.2, 0.0], mine.client.camera)
+    tab.mouse.move(x, y)
+    tab.wait_for_timeout(500)
+    tab.mouse.down()
+    for step in range(12):
+        tab.mouse.move(x, y - 4 * step)
+        tab.wait_for_timeout(30)
+    tab.mouse.up()
+    _until(lambda: any(isinstance(one, MoveKeypoint) for one in mine.session.gestures))
+    tab.wait_for_timeout(1500)
+    before, after = mine.session.start, mine.state
+    assert after.shape.keypoints[keypoint, 1] > before.shape.keypoints[keypoint, 1] + 0.02
+    assert keypoint in after.pins
+    _picture(tab, "drag")
+    assert all(page.session.gestures == () for page in studio.pages if page is not mine)
+    while mine.session.can_undo:
+        count = len(mine.session.gestures)
+        tab.get_by_role("button", name="Undo").click()
+        _until(lambda count=count: len(mine.session.gestures) < count)
+    assert mine.state is before
+    other.close()
+    _until(lambda: len(studio.pages) == 1)
+
+
+def test_models_turns_and_errors(tab: Any, studio: Studio) -> None:
+    page = studio.pages[-1]
+    tab.get_by_role("button", name="3", exact=True).click()
+    _until(lambda: [type(one) for one in page.session.gestures] == [ChooseModel])
+    chosen = page.state.candidates[2].model_id
+    tab.get_by_text(chosen.split("_")[-1]).first.wait_for()
+    tab.get_by_role("button", name="180°").click()
+    _until(lambda: isinstance(page.session.gestures[-1], Turn))
+    tab.get_by_role("button", name="Undo").click()
+    _until(lambda: len(page.session.gestures) == 1)
+    # The box is not shown: an error, in one sentence.
+    tab.get_by_role("button", name="Crop the scan").click()
+    tab.get_by_text("Show the box first").wait_for()
+    tab.get_by_text("Box of a crop").locator("xpath=../..").locator("input").check(force=True)
+    _until(lambda: page._fit.box is not None)
+    _picture(tab, "crop")
+    tab.get_by_role("button", name="Crop the scan").click()
+    _until(lambda: isinstance(page.session.gestures[-1], Crop))
+    # The box holds the whole scan, so that nothing is cut off.
+    assert len(page.state.points) == len(page.session.start.points)
+
+
+def test_sizes_and_refitting(tab: Any, studio: Studio) -> None:
+    page = studio.pages[-1]
+    tab.get_by_role("tab", name="Shape").click()
+    height = tab.get_by_label("Height, cm")
+    field = height if height.count() else tab.locator("input[type=text], input[inputmode]").nth(3)
+    field.fill("95")
+    field.press("Enter")
+    tab.get_by_role("button", name="Set the sizes").click()
+    _until(lambda: any(isinstance(one, SetSize) for one in page.session.gestures))
+    assert page.state.part_sizes(-1)[1] == pytest.approx(0.95, abs=0.01)
+    _picture(tab, "sizes")
+    tab.get_by_role("button", name="Refit the rest").click()
+    _until(lambda: isinstance(page.session.gestures[-1], RefitRest))
+    assert page.state.part_sizes(-1)[1] == pytest.approx(0.95, abs=0.02)
+
+
+def test_results_and_records_are_downloads(tab: Any, studio: Studio, tmp_path: Path) -> None:
+    tab.get_by_role("tab", name="Save").click()
+    for button, name in ((".stl", "chair_scan.stl"), ("Record of the session", "chair_scan.studio.json")):
+        with tab.expect_download() as waiting:
+            tab.get_by_role("button", name=re.compile(re.escape(button))).first.click()
+        assert waiting.value.suggested_filename == name
+        waiting.value.save_as(tmp_path / name)
+    assert (tmp_path / "chair_scan.stl").stat().st_size > 1000
+    assert json.loads((tmp_path / "chair_scan.studio.json").read_text())["studio"] == 1
+    _picture(tab, "save")
