@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -55,10 +56,14 @@ def rows(out):
     return [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()]
 
 
+def records(out):
+    return [file for file in out.rglob("[!.]*.json") if file.name != "job.json"]
+
+
 def contents(out):
     """Name -> what was found, of every record, without what may differ between two runs."""
     found = {}
-    for file in out.glob("??/[!.]*.json"):
+    for file in records(out):
         record = json.loads(file.read_text())
         record.pop("timings_seconds")
         found[record["batch"]["name"]] = record
@@ -84,10 +89,13 @@ def test_a_folder_is_fitted_once_and_bad_scans_are_listed(place, settings, whole
     failures = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
     assert [failure["name"] for failure in failures] == [name for name, _ in report.failed]
     assert sorted(row["name"] for row in rows(out)) == sorted(contents(out))
-    before = {file: file.stat().st_mtime_ns for file in out.glob("??/[!.]*")}
+    assert {file.relative_to(out).as_posix() for file in records(out)} == {
+        f"{'deep/' if i % 2 else ''}scan {i}.json" for i in range(6)
+    }
+    before = {file: file.stat().st_mtime_ns for file in [*records(out), *out.rglob("*.ply")]}
     second = fit_many(place / "scans", out, settings, workers=1)
     assert (second.fitted, second.present, len(second.failed)) == (0, 6, 2)
-    assert {file: file.stat().st_mtime_ns for file in out.glob("??/[!.]*")} == before
+    assert {file: file.stat().st_mtime_ns for file in before} == before
     assert len(rows(out)) == 6
 
 
@@ -124,16 +132,16 @@ def test_killed_and_resumed_it_ends_as_if_nothing_had_happened(place, settings, 
     process = subprocess.Popen([sys.executable, script, place, out], start_new_session=True)
     try:
         deadline = time.monotonic() + 120
-        while len(list(out.glob("??/[!.]*.json"))) < 2 and time.monotonic() < deadline:
+        while len(records(out)) < 2 and time.monotonic() < deadline:
             time.sleep(0.01)
     finally:
         os.killpg(process.pid, signal.SIGKILL)  # the run and its workers
         process.wait()
-    done = len(list(out.glob("??/[!.]*.json")))
+    done = len(records(out))
     assert done >= 2
     # What a kill may leave: a file half written, a line half written, a record that no line tells of.
-    some = next(out.glob("??/[!.]*.json"))
-    (some.parent / f".{some.stem}.1.ab.json").write_text("half")
+    some = records(out)[0]
+    (some.parent / f".{some.stem}.1.0123abcd.json").write_text("half")
     lines = (out / "results.jsonl").read_text().splitlines(keepends=True)
     (out / "results.jsonl").write_text("".join(lines[:-1]) + '{"name": "hal')
     report = fit_many(place / "scans", out, settings, workers=1)
@@ -143,7 +151,7 @@ def test_killed_and_resumed_it_ends_as_if_nothing_had_happened(place, settings, 
     for name, record in contents(out).items():
         assert record["candidates"] == contents(whole[0])[name]["candidates"]
     assert sorted(row["name"] for row in rows(out)) == sorted(contents(out))
-    assert not list(out.glob("??/.*"))
+    assert [file.name for file in out.rglob(".*")] == [".lock"]
 
 
 def test_a_parquet_manifest_with_broken_rows(place, settings, tmp_path):
@@ -263,6 +271,7 @@ def test_networks_on_a_device_find_the_same(place, settings, whole, tmp_path):
     from kpred.batch.worker import fit_task
 
     task = next(task for task in read_tasks(place / "scans") if task.name == "scan 0.npy")
+    task = replace(task, place="scan 0")
     # Another name of the CPU goes the way of every device: what goes into a network moves there, and back.
     outcome = fit_task(task, settings, str(tmp_path), device="cpu:0")
     assert outcome.problem == ""

@@ -260,3 +260,15 @@ def test_impossible_settings_of_refinement_are_named(
     setting: str, value: float, said: str, line: list[object], refusal: Callable[..., str]
 ) -> None:
     assert said in refusal(*line, "--deform", "free", f"--refinement.{setting}", value)
+
+
+def test_without_a_name_the_result_lies_in_this_folder(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refusal: Callable[..., str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = ["fit", files / "scan.ply", "--model", files / "model", "--database", files / "tables.kpred", "--no-picture"]
+    assert main([*map(str, line), "--top-k", "1"]) == OK
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["scan_fitted.glb", "scan_fitted.json"]
+    assert main([*map(str, line), "--top-k", "1"]) == OK  # Its own results are replaced, others are not.
+    (tmp_path / "scan_fitted.json").write_text("{}")
+    assert "kpred did not make it" in refusal(*line)

@@ -3,7 +3,8 @@
 job.json        input and settings; another batch is refused
 results.jsonl   a line a scan that is done, in the order they were done
 failures.jsonl  a line a scan that was given up, written at the end of each run
-3f/name-3f....json, .ply   record and mesh of each scan; where the record is, the scan is done
+a/name.json, .ply   record and mesh of each scan of a small batch, as a/name.* lies in the input folder
+3f/name-3f....json, .ply   the same in a large batch; where the record is, the scan is done
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -22,18 +24,24 @@ from kpred.database.address import without_password
 from kpred.errors import ManifestError, OutputError
 from kpred.json_output import write_json
 
+_UNFINISHED = re.compile(r"\..+\.\d+\.[0-9a-f]{8}\.\w+")
+"""Names of files that are being written (`kpred.atomic`)."""
+
 
 class Journal:
     """One output folder, held by one run at a time."""
 
-    def __init__(self, folder: Path, job: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, job: dict[str, Any], places: Mapping[str, str] | None = None) -> None:
         """Take the folder, made where it does not exist.
+
+        Args:
+            places: name -> stem of each scan of a small batch (`kpred.batch.layout`); None where hashes lead to them.
 
         Raises:
             ManifestError: it belongs to another batch, or another run has it.
             OutputError: it cannot be written.
         """
-        self.folder = folder
+        self.folder, self.places = folder, places
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = open(folder / ".lock", "a", encoding="ascii")  # noqa: SIM115  held until `close`
@@ -90,7 +98,7 @@ class Journal:
         try:
             before = json.loads(file.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            if any(self.folder.glob("??/[!.]*-*.json")):
+            if self._records():
                 raise ManifestError(
                     f"{self.folder}: job.json is missing beside results; choose another folder."
                 ) from None
@@ -114,19 +122,33 @@ class Journal:
 
     def _remove_unfinished(self) -> None:
         """Remove files that a killed worker was writing: their names begin with a dot."""
-        for file in self.folder.glob("??/.*"):
+        if self.places is None:
+            unfinished = list(self.folder.glob("??/.*"))
+        else:
+            folders = {(self.folder / stem).parent for stem in self.places.values()}
+            unfinished = [file for one in folders for file in one.glob(".*.*.*.*") if _UNFINISHED.fullmatch(file.name)]
+        for file in unfinished:
             file.unlink(missing_ok=True)
+
+    def _records(self) -> set[str]:
+        """Return the stems of the records that are there."""
+        if self.places is None:
+            return {f"{file.parent.name}/{file.stem}" for file in self.folder.glob("??/[!.]*-*.json")}
+        return {stem for stem in self.places.values() if (self.folder / f"{stem}.json").is_file()}
+
+    def _stem(self, name: str) -> str:
+        return Task(name, None).stem if self.places is None else self.places.get(name, "")
 
     def _reconcile(self) -> set[str]:
         """Bring `results.jsonl` in line with the records, and return the stems of these."""
-        records = {f"{file.parent.name}/{file.stem}" for file in self.folder.glob("??/[!.]*-*.json")}
+        records = self._records()
         file = self.folder / "results.jsonl"
         noted: dict[str, str] = {}
         whole = True
         for line, row in _lines(file):
             whole = whole and row is not None and line.endswith("\n")
-            if row is not None and Task(row["name"], None).stem in records:
-                noted.setdefault(Task(row["name"], None).stem, json.dumps(row))
+            if row is not None and self._stem(row["name"]) in records:
+                noted.setdefault(self._stem(row["name"]), json.dumps(row))
             else:
                 whole = False
         missing = sorted(records - noted.keys())

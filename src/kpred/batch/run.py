@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from kpred.batch.journal import Journal
+from kpred.batch.layout import lay_out
 from kpred.batch.task import Task, other_files, read_tasks
 from kpred.batch.worker import BatchSettings, Outcome
 from kpred.batch.worker_pool import ProcessWorkerPool, WorkerPool
@@ -79,16 +80,15 @@ def fit_many(
     chosen = _absolute(settings or BatchSettings())
     if chosen.time_limit is not None and not 0 < chosen.time_limit < 1e7:
         raise ConfigError(f"The time limit of a scan is {chosen.time_limit}; it must be a number of seconds above 0.")
-    tasks = read_tasks(Path(source).resolve())
-    first = next(tasks, None)
-    _check_resources(chosen)
     place = Path(out).resolve()
-    job = {"source": str(Path(source).resolve()), **chosen.to_dict()}
-    with Journal(place, job) as journal:
+    layout, tasks = lay_out(read_tasks(Path(source).resolve()), place, Path(source).resolve())
+    _check_resources(chosen)
+    job = {"source": str(Path(source).resolve()), **chosen.to_dict(), **layout.job}
+    with Journal(place, job, layout.places) as journal:
         pool = _worker_pool(ray, workers, chosen, str(place), gpus)
         try:
             group_size = _GROUP_SIZE if chosen.batched else 1
-            report = _Batch(pool, journal, attempts, progress, group_size).run(_chain(first, tasks))
+            report = _Batch(pool, journal, attempts, progress, group_size).run(tasks)
         finally:
             pool.close()
         journal.write_failures(report.failed)
@@ -214,12 +214,6 @@ def _check_resources(settings: BatchSettings) -> None:
     if settings.mesh:
         check_extension(f"the meshes of the batch{settings.mesh}")
     shared_categories(resolve_model(settings.model), resolve_database(settings.database), settings.category)
-
-
-def _chain(first: Task | None, rest: Iterator[Task]) -> Iterator[Task]:
-    if first is not None:
-        yield first
-        yield from rest
 
 
 def count_scans(source: str | os.PathLike[str]) -> int | None:

@@ -46,8 +46,9 @@ class FitDepthCommand(Command):
     intrinsics: Annotated[Path, arg(metavar="FILE")]
     """Camera matrix: .txt (3 x 3, 4 x 4, or fx fy cx cy), .json, .yaml (of RealSense, ROS, ScanNet, Open3D, ARKit,
     Azure Kinect, nerfstudio, ...) or .npy; that of a larger picture of the same view is scaled"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
-    """The file to write, by extension, as of kpred fit; .glb .usdz .xml ... are y or z up, in metres"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
+    """The file to write, by extension, as of kpred fit; .glb .usdz .xml ... are y or z up, in metres; without it,
+    DEPTH_fitted.glb in this folder"""
     pose: Annotated[tuple[Path, ...], arg(metavar="FILE [FILE ...]")] = ()
     """Camera-to-world matrix of each picture: .txt, .json, .yaml or .npy, metres; x right, y down, z forward, but under
     the key transform_matrix (nerfstudio) y up, z backward. Without it, how far the camera looks down is estimated"""
@@ -90,7 +91,7 @@ class FitDepthCommand(Command):
 
     def run(self, output: Output) -> None:
         """Back-project, fit, write the files, print what was chosen."""
-        from kpred.cli.fit_files import check_output, describe, write_files
+        from kpred.cli.fit_files import check_output, default_output, describe, write_files
         from kpred.database import Database
         from kpred.errors import OutputError
         from kpred.fitting.defaults import resolve_model
@@ -107,9 +108,11 @@ class FitDepthCommand(Command):
             raise UsageError("Several depth pictures can only be merged with their poses; give --pose, one each.")
         if self.mask_id is not None and not self.mask:
             raise UsageError("--mask-id needs --mask.")
-        overlay_file = self.output.with_name(f"{self.output.stem}_overlay.png")
+        target = self.output or default_output(self.depth[0])
+        overlay_file = target.with_name(f"{target.stem}_overlay.png")
+        beside = [*([overlay_file] if self.rgb else []), *([] if self.output is not None else [target])]
         for file in (*self.depth, *self.mask, *self.pose, self.intrinsics, *((self.rgb,) if self.rgb else ())):
-            check_output(self.output, file, self.overwrite, self.picture, [overlay_file] if self.rgb else [])
+            check_output(target, file, self.overwrite, self.picture, beside)
             if self.rgb is not None and overlay_file.exists() and file.exists() and overlay_file.samefile(file):
                 raise OutputError(f"Cannot write {overlay_file}: it would overwrite {file}; choose another name.")
         scan = self._scan(output)
@@ -140,9 +143,7 @@ class FitDepthCommand(Command):
             overlay[overlay_file] = partial_call(
                 save_overlay, result.mesh.vertices, result.mesh.faces, scan.scans[0].camera, self.rgb
             )
-        files = write_files(
-            result, scan.points, self.output, scan_path=self.depth[0], picture=self.picture, more=overlay
-        )
+        files = write_files(result, scan.points, target, scan_path=self.depth[0], picture=self.picture, more=overlay)
         describe(output, result, files)
 
     def _tilt(self, scan: MergedScan, model: Model, output: Output) -> float:

@@ -43,8 +43,9 @@ class FitCommand(Command):
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
     """Point cloud or mesh of one object: .ply .pcd .xyz .pts .npy .npz .obj .stl .off .glb .gltf"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
-    """The file to write, by extension: .obj .ply .stl .off; in metres: .glb .usd .usdz .ifc .urdf .sdf .xml (MJCF)"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
+    """The file to write, by extension: .obj .ply .stl .off; in metres: .glb .usd .usdz .ifc .urdf .sdf .xml (MJCF);
+    without it, SCAN_fitted.glb in this folder"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
@@ -92,7 +93,7 @@ class FitCommand(Command):
         """Fit, write the files, print what was chosen."""
         import numpy as np
 
-        from kpred.cli.fit_files import check_output, describe, write_files
+        from kpred.cli.fit_files import check_output, default_output, describe, write_files
         from kpred.database import Database
         from kpred.fitting.pipeline import fit
         from kpred.nn import load_model
@@ -100,9 +101,11 @@ class FitCommand(Command):
         from kpred.shapes.mesh_output import check_precision
 
         self._check()
-        check_output(self.output, self.scan, self.overwrite, self.picture)
+        target = self.output or default_output(self.scan)
+        more = [] if self.output is not None else [target]
+        check_output(target, self.scan, self.overwrite, self.picture, more)
         scan = read_scan(self.scan)
-        check_precision(self.output, scan)
+        check_precision(target, scan)
         model = load_model(self.model) if self.model is not None else None
         database = Database.open(self.database) if self.database is not None else None
         result = fit(
@@ -125,7 +128,7 @@ class FitCommand(Command):
             unit=self.unit,
         )
         result = replace(result, source_data=result.source_data.from_file(self.scan))
-        files = write_files(result, scan, self.output, scan_path=self.scan, picture=self.picture, density=self.density)
+        files = write_files(result, scan, target, scan_path=self.scan, picture=self.picture, density=self.density)
         describe(output, result, files)
 
     def _check(self) -> None:

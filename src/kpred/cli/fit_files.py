@@ -43,6 +43,11 @@ def check_output(
         check_foreign(path.with_suffix(".json"), [*_files(path)[1 : 3 if picture else 2], *beside, *more])
 
 
+def default_output(scan: Path) -> Path:
+    """Return where the result of a scan is written if the user does not say: SCAN_fitted.glb in this folder."""
+    return Path(f"{scan.stem}_fitted.glb")
+
+
 def check_foreign(record: Path, files: Sequence[Path]) -> None:
     """Refuse to replace files beside the one that the user named, unless the record there says that kpred made them.
 

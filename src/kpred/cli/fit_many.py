@@ -36,8 +36,8 @@ class FitManyCommand(Command):
 
     source: Annotated[Positional[Path], arg(metavar="INPUT")]
     """Folder of scans, or Parquet manifest (.parquet)"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
-    """Folder for results, made when it does not exist"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
+    """Folder for results, made when it does not exist; without it, INPUT_fitted in this folder"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """Of scans whose manifest names none; without it, found for each"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
@@ -92,6 +92,7 @@ class FitManyCommand(Command):
             mesh="" if self.mesh == "none" else f".{self.mesh.lower().removeprefix('.')}",
             time_limit=self.time_limit,
         )
+        target = self.output or Path(f"{self.source.resolve().stem}_fitted")
         total = count_scans(self.source) if self.source.exists() else None
         try:
             with ProgressBar() as bar:
@@ -102,7 +103,7 @@ class FitManyCommand(Command):
 
                 report = fit_many(
                     self.source,
-                    self.output,
+                    target,
                     settings,
                     workers=self.workers,
                     ray=self.ray,
@@ -111,17 +112,15 @@ class FitManyCommand(Command):
                     progress=show,
                 )
         except KeyboardInterrupt as error:
-            raise KeyboardInterrupt(
-                f"what is in {self.output} is whole, and the same command goes on with it"
-            ) from error
-        self._report(output, report)
+            raise KeyboardInterrupt(f"what is in {target} is whole, and the same command goes on with it") from error
+        self._report(output, report, target)
         if report.failed and not report.fitted and not report.present:
             raise ScanError(f"{self.source}: none of its {len(report.failed)} scans could be fitted.")
 
-    def _report(self, output: Output, report: BatchReport) -> None:
+    def _report(self, output: Output, report: BatchReport, target: Path) -> None:
         """Print the numbers, what failed and what was left out."""
         facts: dict[str, Any] = {
-            "path": self.output,
+            "path": target,
             "fitted": report.fitted,
             "present": report.present,
             "retried": report.retried,
@@ -131,13 +130,13 @@ class FitManyCommand(Command):
         for name, why in report.failed[:10]:
             output.note(f"failed: {name}: {why}")
         if len(report.failed) > 10:
-            output.note(f"failed: {len(report.failed) - 10} more ({self.output / 'failures.jsonl'} lists them)")
+            output.note(f"failed: {len(report.failed) - 10} more ({target / 'failures.jsonl'} lists them)")
         if report.left_out:
             kinds = ", ".join(f"{count} {kind}" for kind, count in report.left_out.items())
             number = sum(report.left_out.values())
             output.note(f"left out: {number} file{'s' if number > 1 else ''} of kinds that are not read ({kinds})")
         done = f"{report.fitted} fitted, {report.present} already there, {len(report.failed)} failed"
-        output.note(f"{self.output}: {done}")
+        output.note(f"{target}: {done}")
 
 
 COMMAND: type[Command] = FitManyCommand

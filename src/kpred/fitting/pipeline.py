@@ -16,7 +16,7 @@ from kpred.fitting.assessment import assess
 from kpred.fitting.deform import Deform, deform_candidates
 from kpred.fitting.options import FitOptions, sensor_positions
 from kpred.fitting.placed import place
-from kpred.fitting.raw_scan import read_raw_scan
+from kpred.fitting.raw_scan import is_room, read_raw_scan
 from kpred.fitting.result import Fit, build_fit
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.source import FitSource
@@ -25,6 +25,7 @@ from kpred.fitting.stages import clean as clean_points
 from kpred.nn import Model
 from kpred.pose.estimators import PoseEstimator
 from kpred.preprocessing.config import CleanConfig
+from kpred.preprocessing.room import ROOM_SENTENCE
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.unit import UnitName
@@ -143,6 +144,8 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
         placed = place(deformed, order, aligned.best.frame, context.database, options.known)
     with timer("assess"):
         assessment = assess(deformed, placed, aligned, cloud, context)
+        if is_room(raw, up, options):
+            assessment = replace(assessment, warnings=(ROOM_SENTENCE, *assessment.warnings))
     return build_fit(cloud, aligned, deformed, order, placed, assessment, timer.seconds, source)
 
 

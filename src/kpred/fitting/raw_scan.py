@@ -12,7 +12,9 @@ from kpred.ops.typing import Float
 from kpred.preprocessing.clean import CleaningStep
 from kpred.preprocessing.invalid_points import invalid_points
 from kpred.preprocessing.outliers import neighbourhood, stray_points
+from kpred.preprocessing.room import looks_like_room
 from kpred.shapes.scan import check_points, read_scan
+from kpred.shapes.unit import METRES
 
 MAX_POINTS = 50_000
 """Points of a scan that are cleaned; of a denser scan so many are taken at random."""
@@ -64,6 +66,13 @@ def read_points(scan: str | os.PathLike[str] | np.ndarray, seed: int) -> np.ndar
 def shuffled(points: Float[np.ndarray, "points 3"], seed: int) -> Float[np.ndarray, "few 3"]:
     """Take at most `MAX_POINTS` points in random order: the first of them are a fair sample too."""
     return points[np.random.default_rng(seed).permutation(len(points))[:MAX_POINTS]]
+
+
+def is_room(scan: RawScan, up: str, options: FitOptions) -> bool:
+    """Find out whether a scan is plainly a room and no object; in a known frame it is none."""
+    if options.known:
+        return False
+    return looks_like_room(scan.points, up, None if options.unit == "auto" else METRES[options.unit])
 
 
 def without_strays(points: Float[np.ndarray, "points 3"], ratio: float) -> Float[np.ndarray, "left 3"]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ class Candidate:
         error: Chamfer distance after that, of what is seen, unit box squared, by some points.
         score: log error and cost of the change, by which candidates are compared; the lower the better.
         final: whether it was deformed to the end; otherwise error and score are estimates from above.
+        read_mesh: deforms its mesh; `mesh` keeps it.
     """
 
     model_id: str
@@ -67,6 +69,16 @@ class Candidate:
     error: float
     score: float
     final: bool
+    read_mesh: Callable[[], trimesh.Trimesh] = field(repr=False)
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """The deformed mesh in the scan's frame and units, made when it is first asked for.
+
+        Raises:
+            DatabaseError: the model is no longer in the database, or this is closed.
+        """
+        return self.read_mesh()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +91,7 @@ class Fit:
         placement: where that model stands: from its own coordinates to the scan's.
         source: the chosen candidate; candidates: it and the others that were compared, best first.
         frame: takes the scan into the unit box in which networks and distances work.
+        points: (N, 3) of the scan that were fitted: at most 2048, after cleaning, in the scan's frame and units.
         keypoints: (keypoints, 3) of the fitted model, in the scan's frame and units.
         keypoint_confidence: (keypoints,) D_i in [0, 1], how densely the scan shows each keypoint's region.
         confidence: probability that the result is right (`kpred.fitting.confidence`).
@@ -100,6 +113,7 @@ class Fit:
     source: Candidate
     candidates: tuple[Candidate, ...]
     frame: Frame
+    points: Float[np.ndarray, "points 3"] = field(repr=False)
     keypoints: np.ndarray
     keypoint_confidence: np.ndarray
     confidence: float
@@ -116,7 +130,6 @@ class Fit:
     evidence: Evidence
     placed: Placed = field(repr=False)
     source_data: FitSource = field(repr=False)
-    mesh_of: Callable[[int], trimesh.Trimesh] = field(repr=False)
     read_appearance: Callable[[], Appearance | None] = field(repr=False)
     warnings: tuple[str, ...] = ()
 
@@ -172,7 +185,19 @@ class Fit:
             IndexError: there are not so many candidates.
             DatabaseError: the model is no longer in the database.
         """
-        return self.mesh_of(range(len(self.candidates))[rank])
+        return self.candidates[range(len(self.candidates))[rank]].mesh.copy()
+
+    def show(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write a page with picture, numbers and warnings, open it in the browser, and return its file.
+
+        Args:
+            path: of the page (.html); None makes a temporary file.
+        """
+        return _page().show_fit(self, path)
+
+    def _repr_html_(self) -> str:
+        """Return what notebooks show: picture, numbers and warnings as HTML."""
+        return _page().fit_html(self)
 
     def rotated(self, rotation: Float[np.ndarray, "3 3"]) -> Fit:
         """Return the same fit in a rotated frame of the scan: a point p is at `rotation @ p` there."""
@@ -193,8 +218,9 @@ class Fit:
             retrieved_mesh=self.retrieved_mesh.copy().apply_transform(matrix),
             placement=placement,
             frame=frame,
+            points=self.points @ rotation.T,
             keypoints=self.keypoints @ rotation.T,
-            mesh_of=lambda rank: self.mesh_of(rank).apply_transform(matrix),
+            candidates=tuple(_rotated(one, matrix) for one in self.candidates),
         )
 
     @cached_property
@@ -266,14 +292,14 @@ def build_fit(
 ) -> Fit:
     """Gather what the stages found."""
     context, options = source.context, source.options
-    candidates = tuple(_candidate(deformed, row) for row in order)
     frame = tried.best.frame
 
-    def mesh_of(rank: int) -> trimesh.Trimesh:
-        entry = context.database.entry(candidates[rank].model_id)
-        found = deformed.explanations[order[rank]]
+    def read_mesh(row: int) -> trimesh.Trimesh:
+        entry = context.database.entry(deformed.candidates.model_ids[row])
+        found = deformed.explanations[row]
         return place_mesh(found if options.known else in_own_size(found, entry, frame), entry, frame)
 
+    candidates = tuple(_candidate(deformed, row, partial(read_mesh, row)) for row in order)
     return Fit(
         mesh=placed.mesh,
         retrieved_mesh=placed.undeformed,
@@ -281,6 +307,7 @@ def build_fit(
         source=candidates[0],
         candidates=candidates,
         frame=frame,
+        points=scan.points,
         keypoints=placed.keypoints,
         keypoint_confidence=deformed.candidates.confidence.numpy(),
         confidence=assessment.confidence,
@@ -297,13 +324,21 @@ def build_fit(
         evidence=assessment.evidence,
         placed=placed,
         source_data=source,
-        mesh_of=mesh_of,
         read_appearance=lambda: context.database.appearance(candidates[0].model_id),
         warnings=assessment.warnings,
     )
 
 
-def _candidate(deformed: Deformed, row: int) -> Candidate:
+def _page() -> Any:
+    # Pictures stand on a higher floor: loaded by name, and only when one is asked for.
+    return import_module("kpred.rendering.page")
+
+
+def _rotated(candidate: Candidate, matrix: Float[np.ndarray, "4 4"]) -> Candidate:
+    return replace(candidate, read_mesh=lambda: candidate.mesh.copy().apply_transform(matrix))
+
+
+def _candidate(deformed: Deformed, row: int, read_mesh: Callable[[], trimesh.Trimesh]) -> Candidate:
     found, one = deformed.candidates, deformed.explanations[row]
     return Candidate(
         found.model_ids[row],
@@ -313,6 +348,7 @@ def _candidate(deformed: Deformed, row: int) -> Candidate:
         one.distances.error,
         one.score,
         one.final,
+        read_mesh,
     )
 
 

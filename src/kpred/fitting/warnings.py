@@ -18,7 +18,7 @@ CLEAR = 0.8
 """A category or a rotation is clear from this probability on."""
 
 MAX_UNEXPLAINED = 0.15
-MAX_REMOVED = 0.5
+MAX_REMOVED = 0.2
 """Fractions of a scan that the result may leave unexplained, and that cleaning may remove, without a warning."""
 
 COUNTED_STEPS = ("outliers", "floor", "wall")
@@ -52,7 +52,10 @@ def warnings_of(
     changes = [] if explanation is None else _changes(explanation)
     removed = sum(step.removed for step in cleaning if step.name in COUNTED_STEPS)
     if removed > MAX_REMOVED * points:
-        doubts.append(f"Cleaning removed {100 * removed / points:.0f} % of the scan as strays, floor or wall.")
+        doubts.append(
+            f"Cleaning removed {100 * removed / points:.0f} % of the scan as strays, floor or wall; look at the "
+            "picture, and leave a step out (--cleaning.floor False, ...) if it took of the object."
+        )
     if abs(floor_gap) > MAX_FLOOR_GAP:
         where = "above" if floor_gap > 0 else "below"
         changes.append(f"The result ends {100 * abs(floor_gap):.0f} % of its size {where} the floor.")
