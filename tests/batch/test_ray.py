@@ -54,4 +54,4 @@ def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path
     assert report.fitted == 5
     assert report.failed == []
     assert len((out / "results.jsonl").read_text().splitlines()) == 5
-    assert len(list(out.glob("??/[!.]*.ply"))) == 5
+    assert len(list(out.rglob("[!.]*.ply"))) == 5

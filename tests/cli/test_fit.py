@@ -263,7 +263,11 @@ def test_impossible_settings_of_refinement_are_named(
 
 
 def test_without_a_name_the_result_lies_in_this_folder(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refusal: Callable[..., str]
+    files: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    refusal: Callable[..., str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     line = ["fit", files / "scan.ply", "--model", files / "model", "--database", files / "tables.kpred", "--no-picture"]
@@ -271,4 +275,5 @@ def test_without_a_name_the_result_lies_in_this_folder(
     assert sorted(file.name for file in tmp_path.iterdir()) == ["scan_fitted.glb", "scan_fitted.json"]
     assert main([*map(str, line), "--top-k", "1"]) == OK  # Its own results are replaced, others are not.
     (tmp_path / "scan_fitted.json").write_text("{}")
+    capsys.readouterr()
     assert "kpred did not make it" in refusal(*line)
