@@ -73,7 +73,7 @@ class Candidate:
 
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
-        """The deformed mesh in the scan's frame and units, made when it is first asked for.
+        """The deformed mesh in the scan's frame and units, made at first use.
 
         Raises:
             DatabaseError: the model is no longer in the database, or this is closed.
@@ -330,7 +330,7 @@ def build_fit(
 
 
 def _page() -> Any:
-    # Pictures stand on a higher floor: loaded by name, and only when one is asked for.
+    # Pictures stand on a higher floor: loaded by name, and only when needed.
     return import_module("kpred.rendering.page")
 
 
