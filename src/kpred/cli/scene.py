@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,18 +17,21 @@ from kpred.cli.output import Output
 from kpred.refinement.config import Deform
 
 if TYPE_CHECKING:
-    from kpred.fitting.fit_scene import ObjectFit, SceneFit
+    from kpred.fitting.fit_scene import SceneFit
+    from kpred.fitting.object_fit import ObjectFit
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneCommand(Command):
     """Fit a CAD model to every object of a scanned scene.
 
-    The result is one GLB, y up, with a node for each object. Beside it lie a record (.json), the alignments as
-    Scan2CAD annotates them (_scan2cad.json) and benchmarks them (<scene>.csv), and a picture (.png). Objects of
-    categories that the model does not know are skipped; one that fails does not stop the others.
+    Without --objects, and without instance numbers in the scene's file, the chairs, tables and cabinets of the raw scan
+    are found, in any orientation. The result is one GLB, y up, with a node for each object. Beside it lie a record
+    (.json), the alignments as Scan2CAD annotates them (_scan2cad.json) and benchmarks them (<scene>.csv), and a picture
+    (.png). Objects of categories that the model does not know are skipped; one that fails does not stop the others.
 
     examples:
+      kpred scene room.ply -o room.glb
       kpred scene scene0470_00_vh_clean_2.ply --objects full_annotations.json -o scene.glb
       kpred scene scene0470_00_vh_clean_2.ply --objects scene0470_00.aggregation.json -o scene.glb
       kpred scene room.ply --objects boxes.json -o room.glb --up y --no-picture
@@ -41,13 +45,13 @@ class SceneCommand(Command):
     """Scanned scene, cloud or mesh: .ply (ScanNet, S3DIS, any), .pcd .txt .xyz .npy .npz .obj .glb ..."""
     objects: Annotated[Path | None, arg(metavar="FILE")] = None
     """Instance numbers (.npy .npz .txt .ply), ScanNet aggregation or boxes (.json), Scan2CAD full_annotations.json, or
-    an S3DIS Annotations folder; without it, the instance numbers in the scene's own PLY"""
+    an S3DIS Annotations folder; without it, the instance numbers in the scene's own PLY, or else what is found"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
     """The scene to write (.glb)"""
     labels: Annotated[Path | None, arg(metavar="FILE")] = None
     """PLY with NYU40 labels of the points; without it, ScanNet's .labels.ply beside the scene, if there is one"""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
-    """Up axis of the scene; auto: z, and y for .glb and .gltf"""
+    """Up axis of the scene; auto: z, and y for .glb and .gltf, or, where objects are found, the up direction is too"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
     """Trained networks: a name or a folder; without it, the bundled ones"""
     database: Annotated[Path | None, arg(metavar="FILE")] = None
@@ -70,6 +74,7 @@ class SceneCommand(Command):
         from kpred.cli.fit_files import check_foreign
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ScanError
+        from kpred.fitting.fit_room import fit_room
         from kpred.fitting.fit_scene import fit_scene
         from kpred.scenes.objects import objects_of
         from kpred.scenes.scene import read_scene, scene_name
@@ -78,23 +83,25 @@ class SceneCommand(Command):
         if not self.overwrite:
             check_foreign(self.output.with_suffix(".json"), self._files(scene_name(self.scene))[1:])
         scene = read_scene(self.scene, None if self.up == "auto" else self.up, self.labels)
-        objects = objects_of(scene, self.objects)
+        finds = self.objects is None and scene.instances is None
         with ProgressBar() as bar:
-            result = fit_scene(
-                scene,
-                objects,
-                self.model,
-                self.database,
-                progress=lambda done, total, name: bar.update("objects", done, total, name),
-                top_k=self.top_k,
-                deform=self.deform,
-                model_id=self.model_id,
-                floor=self.floor,
-            )
+            options: dict[str, Any] = {
+                "progress": lambda done, total, name: bar.update("objects", done, total, name),
+                "top_k": self.top_k,
+                "deform": self.deform,
+                "model_id": self.model_id,
+                "floor": self.floor,
+            }
+            if finds:
+                result = fit_room(scene, self.model, self.database, up=self.up, **options)
+            else:
+                result = fit_scene(scene, objects_of(scene, self.objects), self.model, self.database, **options)
         files = self._write(result)
         output.result({**result.to_json(self.output.name), "files": files})
         columns = ["object", "category", "points", "model", "mean distance", "confidence", "ms", ""]
         output.table(f"scene {scene.name}", columns, [_row(item) for item in result.fits])
+        if finds:
+            output.note(_found(result))
         for item in result.fits:
             if item.error is not None:
                 output.note(f"{'skipped' if item.skipped else 'failed'}: {item.error}")
@@ -104,7 +111,9 @@ class SceneCommand(Command):
             for sentence in item.fit.warnings if item.fit is not None else ():
                 output.caution(f"{item.object.name}: {sentence}")
         if not result.fitted:
-            raise ScanError(f"{self.scene}: none of its {len(objects)} objects could be fitted; {result.fits[0].error}")
+            raise ScanError(
+                f"{self.scene}: none of its {len(result.fits)} objects could be fitted; {result.fits[0].error}"
+            )
 
     def _files(self, name: str) -> tuple[Path, ...]:
         """Return the paths of GLB, record, annotation, benchmark lines and picture."""
@@ -155,6 +164,20 @@ def _check_output(files: tuple[Path, ...], inputs: list[Path | None]) -> None:
         for file in files:
             if source is not None and source.exists() and file.exists() and file.samefile(source):
                 raise OutputError(f"Cannot write {file}: it would overwrite {source}; choose another name or folder.")
+
+
+def _found(result: SceneFit) -> str:
+    """Say what was found in a raw room, in one sentence."""
+    import numpy as np
+
+    counts = Counter(item.object.category for item in result.fits)
+    kinds = ", ".join(f"{count} {name}{'s' if count > 1 else ''}" for name, count in sorted(counts.items(), key=str))
+    tilt = float(np.degrees(np.arccos(np.clip((np.trace(result.leveling) - 1) / 2, -1.0, 1.0))))
+    leaning = f", which leans by {tilt:.0f} degrees," if tilt > 0 else ""
+    return (
+        f"found in the scan{leaning} up {result.scene.up}: {kinds}; {len(result.unexplained)} points belong to no "
+        "object, floor or wall"
+    )
 
 
 def _row(item: ObjectFit) -> tuple[Any, ...]:

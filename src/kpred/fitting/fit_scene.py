@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,88 +14,36 @@ import trimesh
 from kpred.database import Database
 from kpred.errors import ConfigError, KpredError, OutputError, ScanError
 from kpred.fitting.defaults import resolve_database, resolve_model, shared_categories
+from kpred.fitting.object_fit import ObjectFit
 from kpred.fitting.pipeline import fit
-from kpred.fitting.result import Fit
+from kpred.fitting.scene_nodes import add_points, add_result
 from kpred.nn import Model
 from kpred.ops.rotations import upright_rotation
 from kpred.scenes.floor import SceneFloor, find_floor
 from kpred.scenes.objects import SceneObject
-from kpred.scenes.scan2cad import Alignment, decompose, results, write_csv
+from kpred.scenes.scan2cad import results, write_csv
 from kpred.scenes.scene import Scene
-from kpred.shapes.categories import synset_of
 from kpred.shapes.mesh_io import write_mesh
 
 SCAN_NODE = "scan_frame"
 """Node of the GLB below which everything is in the scan's own frame and units."""
 
-_HALF_TURN = np.diag([-1.0, 1.0, -1.0])
-"""Canonical axes (y up, front +z) <-> ShapeNetCore.v2's (y up, front -z)."""
-
-
-@dataclass(frozen=True, eq=False)
-class ObjectFit:
-    """What became of one object.
-
-    Attributes:
-        object: the object.
-        fit: its fit; None where there is none.
-        error: why there is none, one sentence that names the object.
-        skipped: the object is of a category that the model or the database does not know, so that nothing was tried.
-        floor: height of the floor it was taken to stand on, along the scene's up axis; None where it is unknown.
-    """
-
-    object: SceneObject
-    fit: Fit | None = None
-    error: str | None = None
-    skipped: bool = False
-    floor: float | None = None
-
-    def cad_mesh(self) -> trimesh.Trimesh:
-        """Return the deformed mesh in ShapeNet's frame: y up, front -z, centred, box diagonal 1."""
-        assert self.fit is not None
-        to_cad = np.linalg.inv(self.cad_to_scan())
-        vertices = np.asarray(self.fit.mesh.vertices) @ to_cad[:3, :3].T + to_cad[:3, 3]
-        return trimesh.Trimesh(vertices, np.asarray(self.fit.mesh.faces), process=False)
-
-    def cad_to_scan(self) -> np.ndarray:
-        """Return the similarity (4, 4), column vectors, from the frame of `cad_mesh` to the scene's frame and units."""
-        assert self.fit is not None
-        box = self.fit.frame.to_unit(np.asarray(self.fit.mesh.vertices, dtype=np.float64))
-        low, high = box.min(axis=0), box.max(axis=0)
-        cad_to_unit = np.eye(4)
-        cad_to_unit[:3, :3] = _HALF_TURN * np.linalg.norm(high - low)
-        cad_to_unit[:3, 3] = (low + high) / 2
-        return self.fit.frame.matrix() @ cad_to_unit
-
-    def alignment(self, mesh: str = "") -> Alignment:
-        """Return the pose of the deformed mesh in Scan2CAD's terms; `mesh`: the file that holds it."""
-        assert self.fit is not None
-        translation, rotation, scale = decompose(self.cad_to_scan())
-        return Alignment(
-            catid_cad=synset_of(self.fit.category),
-            id_cad=self.fit.source.model_id,
-            translation=translation,
-            rotation=rotation,
-            scale=scale,
-            half_size=np.ptp(np.asarray(self.cad_mesh().vertices), axis=0) / 2,
-            mesh=mesh,
-            node=self.node,
-            name=self.object.name,
-        )
-
-    @property
-    def node(self) -> str:
-        """Name of its node in the GLB: object and model id."""
-        return f"{self.object.name} {self.fit.source.model_id}" if self.fit is not None else self.object.name
-
 
 @dataclass(frozen=True, eq=False)
 class SceneFit:
-    """The fits of a scene's objects, in the objects' order; `floor` is what they stand on, if it was found."""
+    """The fits of a scene's objects.
+
+    Attributes:
+        scene: the scan; fits: in the objects' order; floor: what they stand on, if it was found.
+        leveling: (3, 3) rotation that makes a tilted scan stand upright along the scene's up axis.
+        unexplained: rows of the scene's points that are written as points: of no object, floor, wall or ceiling.
+    """
 
     scene: Scene
     fits: tuple[ObjectFit, ...]
     floor: SceneFloor | None = None
+    leveling: np.ndarray = field(default_factory=lambda: np.eye(3))
+    unexplained: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def fitted(self) -> tuple[ObjectFit, ...]:
@@ -103,38 +51,24 @@ class SceneFit:
         return tuple(item for item in self.fits if item.fit is not None)
 
     def scan_to_glb(self) -> np.ndarray:
-        """Return the rotation (4, 4) of the scan's up axis to +y, as in glTF."""
+        """Return the rotation (4, 4) of the scan's up direction to +y, as in glTF."""
         matrix = np.eye(4)
-        matrix[:3, :3] = upright_rotation(self.scene.up)
+        matrix[:3, :3] = upright_rotation(self.scene.up) @ self.leveling
         return matrix
 
     def glb_scene(self) -> trimesh.Scene:
         """Build a scene with one named node per object (`Alignment.node`), y up, in the scan's unit.
 
-        Meshes are in ShapeNet's frame (`ObjectFit.cad_mesh`); nodes carry `cad_to_scan` and stand below `scan_frame`,
-        which carries `scan_to_glb`.
+        Meshes are in ShapeNet's frame (`ObjectFit.cad_mesh`), with the materials of their models; nodes carry
+        `cad_to_scan` and stand below `scan_frame`, which carries `scan_to_glb`. Points that nothing explains have a
+        node of their own.
         """
         result = trimesh.Scene()
         result.graph.update(frame_to=SCAN_NODE, frame_from=result.graph.base_frame, matrix=self.scan_to_glb())
         for number, item in enumerate(self.fitted):
-            mesh = item.cad_mesh()
-            color = OBJECT_COLORS[number % len(OBJECT_COLORS)]
-            mesh.visual = trimesh.visual.TextureVisuals(
-                material=trimesh.visual.material.PBRMaterial(
-                    name=item.node,
-                    baseColorFactor=[*color, 255],
-                    metallicFactor=0.0,
-                    roughnessFactor=0.8,
-                    doubleSided=True,
-                )
-            )
-            result.add_geometry(
-                mesh,
-                node_name=item.node,
-                geom_name=item.node,
-                parent_node_name=SCAN_NODE,
-                transform=item.cad_to_scan(),
-            )
+            assert item.fit is not None
+            add_result(result, SCAN_NODE, item.node, item.fit, item.cad_mesh(), item.cad_to_scan(), number)
+        add_points(result, SCAN_NODE, self.scene, self.unexplained)
         return result
 
     def to_glb(self, path: str | os.PathLike[str]) -> None:
@@ -165,17 +99,12 @@ class SceneFit:
             "up": self.scene.up,
             "scan_to_glb": self.scan_to_glb().tolist(),
             "floor": _floor_described(self.floor),
+            "leveling": self.leveling.tolist(),
+            "unexplained_points": len(self.unexplained),
             "fitted": len(self.fitted),
-            "objects": [_described(item) for item in self.fits],
+            "objects": [item.to_json() for item in self.fits],
             "scan2cad": [results(self.scene.name, alignments, self.scan_to_glb())],
         }
-
-
-OBJECT_COLORS = (
-    *((111, 159, 216), (226, 137, 88), (122, 178, 122), (196, 122, 178), (214, 186, 92)),
-    *((108, 180, 182), (201, 108, 104), (142, 134, 206), (160, 140, 118), (150, 190, 90)),
-)
-"""(R, G, B) of the objects in the GLB and in the picture, in turn."""
 
 
 def fit_scene(
@@ -247,29 +176,6 @@ def _fit_object(
         return ObjectFit(item, error=f"{item.name}: {str(error).removeprefix('scan: ')}")
     except Exception as error:  # One object must not cost the others their results.
         return ObjectFit(item, error=f"{item.name}: unexpected {type(error).__name__}: {' '.join(str(error).split())}")
-
-
-def _described(item: ObjectFit) -> dict[str, Any]:
-    facts: dict[str, Any] = {
-        "name": item.object.name,
-        "category": item.object.category,
-        "points": len(item.object.points),
-        "status": "fitted" if item.fit is not None else "skipped" if item.skipped else "failed",
-        "error": item.error,
-    }
-    if item.object.annotation is not None:
-        annotation = item.object.annotation
-        facts["annotation"] = {"catid_cad": annotation.catid_cad, "id_cad": annotation.id_cad, "sym": annotation.sym}
-    if item.fit is not None:
-        facts |= {
-            "node": item.node,
-            "confidence": item.fit.confidence,
-            "warnings": list(item.fit.warnings),
-            "floor": item.floor,
-            "cad_to_scan": item.cad_to_scan().tolist(),
-            "fit": item.fit.to_json(),
-        }
-    return facts
 
 
 def _floor_described(floor: SceneFloor | None) -> dict[str, Any] | None:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kpred.fitting.fit_scene import OBJECT_COLORS, SceneFit
+from kpred.fitting.fit_scene import SceneFit
+from kpred.fitting.scene_nodes import OBJECT_COLORS
 from kpred.ops.typing import Float, Int
 from kpred.rendering.draw import check_png, draw_view
 from kpred.rendering.view import Layer, Panel, Style, View

@@ -38,6 +38,7 @@ class SceneObject:
         up: the scene's up axis.
         annotation: the CAD model that Scan2CAD's annotators put there.
         problem: why the object cannot be used, a sentence that names it; None where nothing is wrong.
+        score: how surely it is one object of its category, where it was detected, in [0, 1].
     """
 
     name: str
@@ -47,6 +48,7 @@ class SceneObject:
     up: str = "z"
     annotation: AlignedModel | None = None
     problem: str | None = None
+    score: float | None = None
 
 
 def objects_of(scene: Scene, file: str | os.PathLike[str] | None = None) -> list[SceneObject]:

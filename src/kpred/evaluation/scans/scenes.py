@@ -23,7 +23,8 @@ from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
 from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, claims
 from kpred.evaluation.scans.real_crops import SPLIT
-from kpred.fitting.fit_scene import ObjectFit, fit_scene
+from kpred.fitting.fit_scene import fit_scene
+from kpred.fitting.object_fit import ObjectFit
 from kpred.ops.rotations import upright_rotation, yaw_rotation
 from kpred.rendering.contact_sheet import Tile
 from kpred.scenes.objects import SceneObject, objects_of

@@ -1,0 +1,212 @@
+"""Train the two networks of detection on virtual rooms; a few minutes on a processor.
+
+    kpred data rooms -n 200 --seed 503 --packs INFINIGEN/*.npz --points 60000 -o rooms.npz
+    python scripts/train_detection.py rooms.npz [...] -o src/kpred/bundled/detector
+
+Rooms are turned by random yaws; every third is thinned at random. The pair network learns from the first half of the
+rooms, the proposal network from all of them, by proposals that the pair network makes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from kpred.detection.crops import OWN_POINTS, proposal_crops
+from kpred.detection.networks import CATEGORIES, Detector
+from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
+from kpred.evaluation.rooms.virtual import upright_room
+from kpred.synthetic.rooms.pack import RoomPack
+
+MIN_SEEN = 60
+"""Voxels of an object that must be seen for a proposal to be for it."""
+
+KEPT = 70
+"""Proposals a room: all that meet an object, then random ones."""
+
+RIGHT, WRONG = 0.5, 0.35
+"""IoU of a proposal from which it has its object's category, and below which it has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """A prepared room with the object of each voxel, -1 for none, and the objects' categories."""
+
+    room: PreparedRoom
+    owner: np.ndarray
+    categories: np.ndarray
+
+    def table(self) -> np.ndarray:
+        """Count voxels of each piece (rows) on each object (columns, the first for none)."""
+        assert self.room.pieces is not None
+        rest = self.room.voxels.segment >= 0
+        wide = len(self.categories) + 1
+        code = self.room.voxels.segment[rest] * wide + self.owner[rest] + 1
+        return np.bincount(code, minlength=len(self.room.pieces.sizes) * wide).reshape(-1, wide)
+
+    def pair_labels(self) -> np.ndarray:
+        """Tell for each pair of pieces whether most voxels of both are of one object."""
+        main = self.table().argmax(axis=1) - 1
+        one, other = main[self.room.pairs[:, 0]], main[self.room.pairs[:, 1]]
+        return np.asarray((one == other) & (one >= 0))
+
+    def overlaps(self, proposals: list[frozenset[int]]) -> tuple[np.ndarray, np.ndarray]:
+        """Return IoU (P,) of each proposal with the piece of furniture it meets best, and that one's category (P,)."""
+        assert self.room.pieces is not None
+        chosen = np.zeros((len(proposals), len(self.room.pieces.sizes)))
+        for row, pieces in enumerate(proposals):
+            chosen[row, list(pieces)] = 1.0
+        inside = (chosen @ self.table())[:, 1:]
+        whole = np.bincount(self.owner + 1, minlength=len(self.categories) + 1)[1:]
+        iou = inside / ((chosen @ self.room.pieces.sizes)[:, None] + whole - inside)
+        iou[:, ~np.isin(self.categories, CATEGORIES) | (whole < MIN_SEEN)] = 0.0
+        best = iou.argmax(axis=1)
+        return iou.max(axis=1), self.categories[best]
+
+
+def labelled_rooms(files: list[Path]) -> Iterator[Labelled]:
+    """Prepare all rooms, one after the other."""
+    for file in files:
+        pack = RoomPack.load(file)
+        for index in range(len(pack)):
+            rng = np.random.default_rng([index, 7])
+            points, instance, objects = upright_room(pack, index, float(rng.uniform(0, 2 * np.pi)))
+            if index % 3 == 0:
+                kept = np.sort(rng.permutation(len(points))[: int(rng.uniform(15_000, 40_000))])
+                points, instance = points[kept], instance[kept]
+            room = prepare_room(points)
+            if room.pieces is not None:
+                yield Labelled(room, voxel_owner(room.grid.owner, instance, len(room.grid)), pack.category[objects])
+
+
+def voxel_owner(owner: np.ndarray, instance: np.ndarray, count: int) -> np.ndarray:
+    """Return the object (count,) that most points of each voxel are on, -1 for none."""
+    wide = int(instance.max()) + 2
+    code, votes = np.unique(owner * wide + instance + 1, return_counts=True)
+    order = np.lexsort((votes, code // wide))
+    result = np.full(count, -1, dtype=np.int64)
+    result[code[order] // wide] = code[order] % wide - 1  # The last assignment, the most votes, counts.
+    return result
+
+
+def train_pairs(detector: Detector, rooms: list[Labelled], epochs: int) -> None:
+    """Train the pair network on the pairs of these rooms."""
+    features = torch.from_numpy(np.concatenate([one.room.features for one in rooms])).float()
+    labels = torch.from_numpy(np.concatenate([one.pair_labels() for one in rooms])).float()
+    network = detector.pairs.train()
+    network.mean.copy_(features.mean(0))
+    network.deviation.copy_(features.std(0) + 1e-3)
+    steps = epochs * (len(features) // 256 + 1)
+    optimizer = torch.optim.AdamW(network.parameters(), 2e-3, weight_decay=1e-2)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps)
+    for _ in range(epochs):
+        for rows in torch.randperm(len(features)).split(256):
+            loss = functional.binary_cross_entropy_with_logits(network(features[rows]), labels[rows])
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            schedule.step()
+    network.eval()
+    with torch.no_grad():
+        right = ((network(features) > 0) == (labels > 0)).float().mean()
+    print(f"pairs: {len(features)}, right {float(right):.3f} (always the likelier: {float(labels.mean()):.3f})")
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """Clouds of proposals (P, points, channels) and amounts (P,), their best IoU (P,) and category (P,)."""
+
+    clouds: Tensor
+    amount: Tensor
+    iou: Tensor
+    category: Tensor
+
+
+def examples(detector: Detector, rooms: list[Labelled]) -> Examples:
+    """Sample proposals of all rooms."""
+    parts = []
+    for number, one in enumerate(rooms):
+        rng = np.random.default_rng([number, 3])
+        proposals = sorted(propose_objects(one.room, detector.pairs), key=sorted)
+        iou, names = one.overlaps(proposals)
+        rank = np.where(iou > 0.2, rng.random(len(iou)), 1.0 + rng.random(len(iou)))
+        rows = np.argsort(rank)[:KEPT]
+        clouds, amount = proposal_crops(one.room.voxels, [proposals[row] for row in rows], number)
+        category = np.array([CATEGORIES.index(name) if name in CATEGORIES else -1 for name in names[rows]])
+        parts.append((clouds.astype(np.float16), amount, iou[rows], category))
+    joined = [torch.from_numpy(np.concatenate(column)) for column in zip(*parts, strict=True)]
+    return Examples(joined[0], joined[1].float(), joined[2].float(), joined[3])
+
+
+def train_proposals(detector: Detector, data: Examples, seconds: float) -> None:
+    """Train the proposal network for so long."""
+    network, batch = detector.proposals.train(), 64
+    optimizer = torch.optim.AdamW(network.parameters(), 2e-3, weight_decay=1e-3)
+    started, step, losses = time.process_time(), 0, [0.0]
+    while (done := (time.process_time() - started) / seconds) < 1.0:
+        for group in optimizer.param_groups:
+            group["lr"] = 2e-3 * min(1.0, step / 100) * (1.0 - done) ** 1.2
+        rows = torch.randint(len(data.iou), (batch,))
+        logits, quality = network(varied(data.clouds[rows].float()), data.amount[rows])
+        iou = data.iou[rows]
+        target = torch.where((iou >= RIGHT) & (data.category[rows] >= 0), data.category[rows], len(CATEGORIES))
+        certain = (iou >= RIGHT) | (iou < WRONG)
+        loss = (functional.cross_entropy(logits, target, reduction="none") * certain).mean()
+        loss = loss + 2.0 * functional.binary_cross_entropy_with_logits(quality, iou)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        step += 1
+        losses.append(float(loss.detach()))
+        if step % 500 == 0:
+            print(f"step {step}: loss {np.mean(losses[-500:]):.3f}, {done:.0%} of the time", flush=True)
+    network.eval()
+
+
+def varied(clouds: Tensor) -> Tensor:
+    """Turn, mirror, stretch and jitter clouds about the up axis, and drop points."""
+    count = len(clouds)
+    angle = torch.rand(count) * 2 * torch.pi
+    cosine, sine = angle.cos(), angle.sin()
+    flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
+    turn = torch.stack([torch.stack([cosine, -sine * flip], 1), torch.stack([sine, cosine * flip], 1)], 1)
+    stretch = 0.9 + 0.2 * torch.rand(count, 1, 1)
+    plan = torch.einsum("bij,bnj->bni", turn, clouds[:, :, :2]) * stretch
+    height = clouds[:, :, 2:3] * (0.94 + 0.12 * torch.rand(count, 1, 1))
+    place = torch.cat([plan, height], dim=2)
+    place = place + 0.008 * torch.randn_like(place)
+    changed = torch.cat([place, clouds[:, :, 3:]], dim=2)
+    kept = torch.rand(count, clouds.shape[1], 1) > 0.3 * torch.rand(count, 1, 1)
+    first = torch.cat([changed[:, :1].expand(-1, OWN_POINTS, -1), changed[:, OWN_POINTS:]], dim=1)
+    return torch.where(kept, changed, first)
+
+
+def main() -> None:
+    """Parse the command line, train, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rooms", type=Path, nargs="+")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--seconds", type=float, default=400.0, help="processor time of the proposal network")
+    options = parser.parse_args()
+    torch.manual_seed(0)
+    detector = Detector()
+    started = time.process_time()
+    rooms = list(labelled_rooms(options.rooms))
+    print(f"{len(rooms)} rooms prepared in {time.process_time() - started:.0f} s", flush=True)
+    train_pairs(detector, rooms[: (len(rooms) + 1) // 2], 12)
+    data = examples(detector, rooms)
+    print(f"{len(data.iou)} proposals, {int((data.iou >= RIGHT).sum())} with an object", flush=True)
+    train_proposals(detector, data, options.seconds)
+    detector.save(options.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""Objects of a raw room, with nothing given: which points are a chair, a table or a cabinet, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from kpred.detection.crops import proposal_crops
+from kpred.detection.gravity import Gravity, find_gravity
+from kpred.detection.networks import CATEGORIES, Detector, bundled_detector
+from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
+from kpred.detection.selection import select_proposals
+from kpred.ops.rotations import upright_rotation
+from kpred.ops.typing import Float, Int
+
+MIN_SCORE = 0.2
+"""Least score of an object: probability of its category times the expected IoU with it."""
+
+MIN_POINTS = 64
+"""Points of the scan that an object needs to be fitted."""
+
+BATCH = 32
+
+_Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedObject:
+    """One object found in a room.
+
+    Attributes:
+        category: chair, table or cabinet.
+        score: probability of the category times the expected IoU, in [0, 1].
+        quality: expected IoU of the points with those of one object.
+        rows: (M,) rows of the room's points.
+    """
+
+    category: str
+    score: float
+    quality: float
+    rows: Int[np.ndarray, " points"]
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """What was found in a room.
+
+    Attributes:
+        objects: the likeliest first.
+        gravity: up direction, and the length of the scan's unit in metres.
+        floor: height of the floor along `gravity.direction` at the origin, scan's unit; None without a floor.
+        structure: (N,) points of floor, walls and ceiling.
+    """
+
+    objects: tuple[DetectedObject, ...]
+    gravity: Gravity
+    floor: float | None
+    structure: np.ndarray
+
+
+def detect_objects(
+    points: Float[np.ndarray, "points 3"],
+    up: str = "auto",
+    detector: Detector | None = None,
+    min_score: float = MIN_SCORE,
+) -> Detection:
+    """Find the furniture of a room.
+
+    Args:
+        points: (N, 3) in any unit of 1 m, 1 cm or 1 mm; rows that are not finite belong to nothing.
+        up: the up axis (x, y, z, -x, -y, -z); `auto` finds the up direction, which need not be an axis.
+        detector: trained networks; None means bundled.
+        min_score: least score of an object.
+    """
+    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+    nothing = np.zeros(len(points), dtype=bool)
+    if len(finite) < MIN_POINTS:
+        axis = "z" if up == "auto" else up
+        return Detection((), Gravity(upright_rotation(axis)[1], axis, np.eye(3), 1.0), None, nothing)
+    gravity = find_gravity(points[finite], up)
+    origin = np.median(points[finite], axis=0)
+    to_upright = _Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
+    room = prepare_room((points - origin) @ to_upright.T * gravity.metres)
+    networks = detector or bundled_detector()
+    proposals = sorted(propose_objects(room, networks.pairs), key=sorted)
+    probability, quality = judge_proposals(room, proposals, networks)
+    chosen = select_proposals(room, proposals, probability[:, :-1].max(axis=1, initial=0.0) * quality, min_score)
+    objects = []
+    for row, pieces in chosen:
+        rows = _points_of(room, pieces)
+        if len(rows) >= MIN_POINTS:
+            category = int(probability[row, :-1].argmax())
+            score = float(probability[row, category] * quality[row])
+            objects.append(DetectedObject(CATEGORIES[category], score, float(quality[row]), rows))
+    floor = None
+    if room.structure.found:
+        place = origin + np.linalg.inv(to_upright) @ [0.0, 0.0, room.structure.plane[2] / gravity.metres]
+        floor = float(place @ gravity.direction)
+    owned = room.grid.owner >= 0
+    nothing[owned] = room.structure.mask[room.grid.owner[owned]]
+    return Detection(tuple(objects), gravity, floor, nothing)
+
+
+def judge_proposals(
+    room: PreparedRoom, proposals: Sequence[frozenset[int]], detector: Detector
+) -> tuple[Float[np.ndarray, "proposals answers"], Float[np.ndarray, " proposals"]]:
+    """Predict probabilities of the categories and, last, of none; and the IoU with one object, of each proposal."""
+    if not proposals:
+        return np.zeros((0, len(CATEGORIES) + 1)), np.zeros(0)
+    clouds, amount = (torch.from_numpy(array).float() for array in proposal_crops(room.voxels, proposals))
+    answers = []
+    with torch.inference_mode():
+        for part, log_count in zip(clouds.split(BATCH), amount.split(BATCH), strict=True):
+            logits, quality = detector.proposals(part, log_count)
+            answers.append((logits.softmax(dim=1), quality.sigmoid()))
+    probability, quality = (torch.cat(column).double().numpy() for column in zip(*answers, strict=True))
+    return probability, quality
+
+
+def _points_of(room: PreparedRoom, pieces: frozenset[int]) -> np.ndarray:
+    wanted = np.zeros(int(room.voxels.segment.max()) + 2, dtype=bool)
+    wanted[list(pieces)] = True
+    inside = wanted[room.voxels.segment]
+    owner = room.grid.owner
+    return np.flatnonzero((owner >= 0) & inside[owner])

@@ -1,0 +1,22 @@
+"""Virtual rooms of a room pack as raw scans: z up, turned, with the true objects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kpred.synthetic.rooms.pack import RoomPack
+
+Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Rotation from y up to z up."""
+
+
+def upright_room(pack: RoomPack, index: int, yaw: float) -> tuple[np.ndarray, np.ndarray, slice]:
+    """Return points (N, 3) of a room, metres, z up, turned by `yaw` (radians), instances (N,), rows of its objects."""
+    points, instance, objects = pack.room(index)
+    return points.astype(np.float64) @ room_rotation(yaw).T, instance, objects
+
+
+def room_rotation(yaw: float) -> np.ndarray:
+    """Return the rotation (3, 3) from a pack's room (y up) to z up, turned by `yaw` (radians) about the up axis."""
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ Y_TO_Z

@@ -1,0 +1,66 @@
+"""A raw room to CAD, with nothing given: up direction, objects, a fit of each, and all of them together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from kpred.database import Database
+from kpred.detection.detect import Detection, detect_objects
+from kpred.detection.networks import Detector
+from kpred.detection.objects import detected_floor, detected_objects, level_scene, unexplained
+from kpred.errors import ScanError
+from kpred.fitting.arrangement import arrange
+from kpred.fitting.fit_scene import SceneFit, fit_scene
+from kpred.nn import Model
+from kpred.scenes.scene import Scene
+
+
+def fit_room(
+    scene: Scene,
+    model: Model | str | os.PathLike[str] | None = None,
+    database: Database | str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
+    up: str = "auto",
+    detector: Detector | None = None,
+    floor: bool = True,
+    **fit_options: Any,
+) -> SceneFit:
+    """Find the furniture of a room, fit a CAD model to each piece, and put the results together.
+
+    Args:
+        scene: the scan; neither its labels nor its up axis are used.
+        model, database, progress, fit_options: as for `kpred.fitting.fit_scene.fit_scene`.
+        up: the up axis (x, y, z, -x, -y, -z); `auto` finds the up direction, which need not be an axis.
+        detector: networks that find objects; None means bundled.
+        floor: take furniture to stand on the floor, also where its feet were not scanned.
+
+    Raises:
+        ScanError: nothing was found.
+        ModelError, DatabaseError: they are missing, or the database was made by other weights.
+    """
+    if progress is not None:
+        progress(0, 1, "objects of the room")
+    found = detect_objects(scene.points, up, detector)
+    if not found.objects:
+        raise ScanError(f"{scene.path or scene.name}: {_nothing_found(scene, found)}")
+    level = level_scene(scene, found)
+    ground = detected_floor(found) if floor else None
+    objects = detected_objects(level, found)
+    fitted = fit_scene(level, objects, model, database, progress, False if ground is None else ground, **fit_options)
+    fits = arrange(fitted.fits, level.up, ground, found.gravity.metres)
+    back = found.gravity.rotation.T
+    if found.gravity.is_tilted:
+        fits = [item.rotated(back) for item in fits]
+    return SceneFit(replace(scene, up=level.up), tuple(fits), ground, found.gravity.rotation, unexplained(scene, found))
+
+
+def _nothing_found(scene: Scene, found: Detection) -> str:
+    finite = int(np.isfinite(scene.points).all(axis=1).sum())
+    if found.structure.sum() > 0.9 * finite:
+        return "it shows floor and walls only; scan furniture too, or name the objects with --objects."
+    return "no chair, table or cabinet was found in it; name the objects with --objects."
