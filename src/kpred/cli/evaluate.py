@@ -13,6 +13,7 @@ from kpred.cli.evaluate_catalogue import CatalogueCommand
 from kpred.cli.evaluate_compare import CompareCommand
 from kpred.cli.evaluate_peers import PeersCommand
 from kpred.cli.evaluate_real import RealCommand
+from kpred.cli.evaluate_rooms import RoomsCommand
 from kpred.cli.evaluate_scans import ScansCommand
 from kpred.cli.evaluate_table import TABLES
 from kpred.cli.table_options import MeasuredCommand
@@ -67,6 +68,7 @@ COMMAND = Group(
         "scans": ScansCommand,
         "catalogue": CatalogueCommand,
         "real": RealCommand,
+        "rooms": RoomsCommand,
         "table": TABLES,
         "compare": CompareCommand,
         "peers": PeersCommand,

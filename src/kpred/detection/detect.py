@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from kpred.detection.crops import proposal_crops
-from kpred.detection.gravity import Gravity, find_gravity
+from kpred.detection.gravity import Gravity, find_directions
 from kpred.detection.networks import CATEGORIES, Detector, bundled_detector
 from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
 from kpred.detection.selection import select_proposals
@@ -18,6 +18,9 @@ from kpred.ops.typing import Float, Int
 
 MIN_SCORE = 0.2
 """Least score of an object: probability of its category times the expected IoU with it."""
+
+SURE = 0.4
+"""Objects above this score speak for an up direction, where there are two."""
 
 MIN_POINTS = 64
 """Points of the scan that an object needs to be fitted."""
@@ -76,15 +79,25 @@ def detect_objects(
         min_score: least score of an object.
     """
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-    nothing = np.zeros(len(points), dtype=bool)
     if len(finite) < MIN_POINTS:
         axis = "z" if up == "auto" else up
-        return Detection((), Gravity(upright_rotation(axis)[1], axis, np.eye(3), 1.0), None, nothing)
-    gravity = find_gravity(points[finite], up)
-    origin = np.median(points[finite], axis=0)
-    to_upright = _Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
-    room = prepare_room((points - origin) @ to_upright.T * gravity.metres)
+        return Detection(
+            (), Gravity(upright_rotation(axis)[1], axis, np.eye(3), 1.0), None, np.zeros(len(points), dtype=bool)
+        )
     networks = detector or bundled_detector()
+    directions = find_directions(points[finite], up)
+    tried = [_detect_upright(points, gravity, networks, min_score) for gravity in directions]
+    return max(tried, key=lambda found: sum(item.score for item in found.objects if item.score > SURE))
+
+
+def _detect_upright(
+    points: Float[np.ndarray, "points 3"], gravity: Gravity, networks: Detector, min_score: float
+) -> Detection:
+    """Find the furniture of a room whose up direction is known."""
+    solid = np.where(np.isfinite(points).all(axis=1, keepdims=True), points, np.nan)
+    origin = np.nanmedian(solid, axis=0)
+    to_upright = _Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
+    room = prepare_room((solid - origin) @ to_upright.T * gravity.metres)
     proposals = sorted(propose_objects(room, networks.pairs), key=sorted)
     probability, quality = judge_proposals(room, proposals, networks)
     chosen = select_proposals(room, proposals, probability[:, :-1].max(axis=1, initial=0.0) * quality, min_score)
@@ -99,9 +112,10 @@ def detect_objects(
     if room.structure.found:
         place = origin + np.linalg.inv(to_upright) @ [0.0, 0.0, room.structure.plane[2] / gravity.metres]
         floor = float(place @ gravity.direction)
+    structure = np.zeros(len(points), dtype=bool)
     owned = room.grid.owner >= 0
-    nothing[owned] = room.structure.mask[room.grid.owner[owned]]
-    return Detection(tuple(objects), gravity, floor, nothing)
+    structure[owned] = room.structure.mask[room.grid.owner[owned]]
+    return Detection(tuple(objects), gravity, floor, structure)
 
 
 def judge_proposals(

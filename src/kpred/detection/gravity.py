@@ -37,6 +37,9 @@ LOW_WEIGHT = 1.5
 TALL = 0.6
 """Columns of which more of the height is filled are walls."""
 
+CLEAR = 0.4
+"""Evidence by which the best direction must be ahead of the second to be the only one."""
+
 MIN_TILT = np.radians(1.5)
 """Directions closer than this to an axis are that axis: scans bend by as much."""
 
@@ -64,21 +67,28 @@ class Gravity:
 
 
 def find_gravity(points: Float[np.ndarray, "points 3"], up: str = "auto") -> Gravity:
-    """Find up direction and unit of a room (N, 3); `up` names the axis where it is known."""
+    """Find the likeliest up direction and the unit of a room (N, 3); `up` names the axis where it is known."""
+    return find_directions(points, up)[0]
+
+
+def find_directions(points: Float[np.ndarray, "points 3"], up: str = "auto") -> list[Gravity]:
+    """Find the likeliest up directions and the unit of a room (N, 3): one if it is clear, else two."""
     finite = points[np.isfinite(points).all(axis=1)]
     low, high = np.quantile(finite[:: max(1, len(finite) // 100_000)], [0.01, 0.99], axis=0)
     size = max(float((high - low).max()), float(np.finfo(float).tiny))
     inside = finite[((finite >= low - 0.1 * size) & (finite <= high + 0.1 * size)).all(axis=1)]
     grid = voxel_grid(inside, size / 150, SAMPLE_VOXELS)
     if up != "auto":
-        return _gravity(np.array(UP_AXES[up], dtype=np.float64), grid.points)
+        return [_gravity(np.array(UP_AXES[up], dtype=np.float64), grid.points)]
     normals, planarity = estimate_normals(grid.points, neighbours=12)
     flat = normals[planarity > 0.4]
     axes = [np.array(axis, dtype=np.float64) for axis in UP_AXES.values()]
     peaks = _peaks(flat) if len(flat) >= 64 else []
     directions = [sign * peak for peak in peaks for sign in (1.0, -1.0)] or axes
     scores = [_prior(one) + _evidence(grid.points, normals, planarity, one) for one in directions]
-    return _gravity(directions[int(np.argmax(scores))], grid.points)
+    order = np.argsort(-np.array(scores), kind="stable")[:2]
+    close = [row for row in order.tolist() if scores[row] > scores[order[0]] - CLEAR]
+    return [_gravity(directions[row], grid.points) for row in close]
 
 
 def rotation_between(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
