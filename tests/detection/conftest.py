@@ -11,7 +11,7 @@ from kpred.synthetic.generator import generate
 FURNITURE = {"chair": (-1.2, -0.6), "table": (0.6, 0.9), "cabinet": (1.3, -1.2)}
 """Where the objects stand, x and y in metres."""
 
-SIZE = {"chair": 0.9, "table": 1.2, "cabinet": 1.1}
+SIZE = {"chair": 0.9, "table": 1.2, "cabinet": 1.6}
 """Longest side of each, metres."""
 
 
@@ -37,7 +37,8 @@ def furnished_room() -> tuple[np.ndarray, np.ndarray]:
     parts = [_shell(rng)]
     owner = [np.full(len(parts[0]), -1)]
     for row, (name, (x, y)) in enumerate(FURNITURE.items()):
-        mesh = generate(name, 2, seed=11)[1]
+        # Boards inside of a closed cabinet would not be scanned.
+        mesh = trimesh.creation.box([0.9, 1.6, 0.45]) if name == "cabinet" else generate(name, 2, seed=11)[1]
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         vertices = vertices * SIZE[name] / np.ptp(vertices, axis=0).max()
         upright = np.column_stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]])

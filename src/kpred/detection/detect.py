@@ -16,8 +16,14 @@ from kpred.detection.selection import select_proposals
 from kpred.ops.rotations import upright_rotation
 from kpred.ops.typing import Float, Int
 
-MIN_SCORE = 0.2
+MIN_SCORE = 0.45
 """Least score of an object: probability of its category times the expected IoU with it."""
+
+MARGIN = 0.8
+"""Proposals are selected by a first score down to this fraction of the least one, and then scored again."""
+
+QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""(cosine, sine) of quarter turns."""
 
 SURE = 0.4
 """Objects above this score speak for an up direction, where there are two."""
@@ -99,15 +105,19 @@ def _detect_upright(
     to_upright = _Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
     room = prepare_room((solid - origin) @ to_upright.T * gravity.metres)
     proposals = sorted(propose_objects(room, networks.pairs), key=sorted)
-    probability, quality = judge_proposals(room, proposals, networks)
-    chosen = select_proposals(room, proposals, probability[:, :-1].max(axis=1, initial=0.0) * quality, min_score)
+    probability, quality = score_proposals(room, proposals, networks)
+    chosen = select_proposals(
+        room, proposals, probability[:, :-1].max(axis=1, initial=0.0) * quality, MARGIN * min_score
+    )
+    probability, quality = score_proposals(room, [pieces for _, pieces in chosen], networks, turns=4)
     objects = []
-    for row, pieces in chosen:
+    for (_, pieces), chances, overlap in zip(chosen, probability, quality, strict=True):
         rows = _points_of(room, pieces)
-        if len(rows) >= MIN_POINTS:
-            category = int(probability[row, :-1].argmax())
-            score = float(probability[row, category] * quality[row])
-            objects.append(DetectedObject(CATEGORIES[category], score, float(quality[row]), rows))
+        category = int(chances[:-1].argmax())
+        score = float(chances[category] * overlap)
+        if len(rows) >= MIN_POINTS and score >= min_score:
+            objects.append(DetectedObject(CATEGORIES[category], score, float(overlap), rows))
+    objects.sort(key=lambda item: -item.score)
     floor = None
     if room.structure.found:
         place = origin + np.linalg.inv(to_upright) @ [0.0, 0.0, room.structure.plane[2] / gravity.metres]
@@ -118,20 +128,29 @@ def _detect_upright(
     return Detection(tuple(objects), gravity, floor, structure)
 
 
-def judge_proposals(
-    room: PreparedRoom, proposals: Sequence[frozenset[int]], detector: Detector
+def score_proposals(
+    room: PreparedRoom, proposals: Sequence[frozenset[int]], detector: Detector, turns: int = 1
 ) -> tuple[Float[np.ndarray, "proposals answers"], Float[np.ndarray, " proposals"]]:
-    """Predict probabilities of the categories and, last, of none; and the IoU with one object, of each proposal."""
+    """Predict probabilities of the categories and, last, of none; and the IoU with one object, of each proposal.
+
+    Args:
+        turns: average over so many samples of points, turned by quarter turns.
+    """
     if not proposals:
         return np.zeros((0, len(CATEGORIES) + 1)), np.zeros(0)
-    clouds, amount = (torch.from_numpy(array).float() for array in proposal_crops(room.voxels, proposals))
-    answers = []
-    with torch.inference_mode():
-        for part, log_count in zip(clouds.split(BATCH), amount.split(BATCH), strict=True):
-            logits, quality = detector.proposals(part, log_count)
-            answers.append((logits.softmax(dim=1), quality.sigmoid()))
-    probability, quality = (torch.cat(column).double().numpy() for column in zip(*answers, strict=True))
-    return probability, quality
+    total = np.zeros((len(proposals), len(CATEGORIES) + 2))
+    for turn in range(turns):
+        clouds, amount = (torch.from_numpy(array).float() for array in proposal_crops(room.voxels, proposals, turn))
+        cosine, sine = QUARTERS[turn % 4]
+        x, y = clouds[:, :, 0].clone(), clouds[:, :, 1].clone()
+        clouds[:, :, 0], clouds[:, :, 1] = cosine * x - sine * y, sine * x + cosine * y
+        answers = []
+        with torch.inference_mode():
+            for part, log_count in zip(clouds.split(BATCH), amount.split(BATCH), strict=True):
+                logits, quality = detector.proposals(part, log_count)
+                answers.append(torch.cat([logits.softmax(dim=1), quality.sigmoid()[:, None]], dim=1))
+        total += torch.cat(answers).double().numpy() / turns
+    return total[:, :-1], total[:, -1]
 
 
 def _points_of(room: PreparedRoom, pieces: frozenset[int]) -> np.ndarray:
