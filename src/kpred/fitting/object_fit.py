@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from kpred.fitting.result import Fit
+from kpred.fitting.result import Candidate, Fit
 from kpred.ops.typing import Float
 from kpred.scenes.objects import SceneObject
 from kpred.scenes.scan2cad import Alignment, decompose
@@ -126,5 +126,9 @@ def _moved(fit: Fit, offset: np.ndarray) -> Fit:
         placement=placement,
         frame=replace(fit.frame, center=fit.frame.center + offset),
         keypoints=fit.keypoints + offset,
-        mesh_of=lambda rank: fit.mesh_of(rank).apply_transform(matrix),
+        candidates=tuple(_moved_candidate(one, matrix) for one in fit.candidates),
     )
+
+
+def _moved_candidate(candidate: Candidate, matrix: np.ndarray) -> Candidate:
+    return replace(candidate, read_mesh=lambda: candidate.mesh.copy().apply_transform(matrix))
