@@ -40,9 +40,9 @@ scan = points.numpy() * 100 + [250, 0, -80]
 
 # 4. The fit. deform="none" or "scale" would change the model less, and model_id="..." would take one that you name.
 with kpred.Database.open(path) as database:
-    fit = kpred.fit(scan, model=model, database=database, category="table")
-result = folder / "my_table_fitted.glb"
-fit.mesh.export(result)
+    fit = kpred.fit(scan, model=model, database=database, category="table", unit="cm")
+    result = folder / "my_table_fitted.glb"
+    fit.save(result)  # in metres, y up; .obj, .ply and .stl keep the scan's own frame and unit
 print(f"retrieved {fit.source.model_id}, change: {fit.source.step}; wrote {result}")
 for sentence in fit.warnings:
     print(f"look at this: {sentence}")

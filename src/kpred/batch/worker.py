@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -82,6 +83,8 @@ def single_threaded() -> None:
 
 def begin_worker(parent: int) -> None:
     """Prepare a process of this machine: one thread, and it ends with the process `parent` that started it."""
+    # Ctrl-C reaches all processes of a terminal; the parent stops the workers, which then print no tracebacks.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent(parent)
     single_threaded()
 
