@@ -1,4 +1,4 @@
-"""Let models of the bundled database stand for 30 seconds in MuJoCo, and print how deep they sink and how far they move.
+"""Let models of the bundled database stand for 30 seconds in MuJoCo: how deep they sink, how far they move.
 
 python scripts/measure_simulation.py [models of each category]
 """
