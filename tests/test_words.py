@@ -34,7 +34,6 @@ EXEMPT = {
     "src/kpred/refinement/free_space.py",
     "src/kpred/refinement/freedom.py",
     "src/kpred/refinement/matching_cpu.py",
-    "src/kpred/refinement/structure_cpu.py",
     "src/kpred/refinement/structure_reference.py",
 }
 

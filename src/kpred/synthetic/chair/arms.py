@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from kpred.synthetic.chair.backs import Bend
@@ -10,6 +12,38 @@ from kpred.synthetic.parts import Part, beam, box, cushion, cylinder, ellipse, f
 from kpred.synthetic.paths import bezier, rounded_path
 
 ARM_STYLES = ("posts", "slatted", "panel", "loop", "pad", "sloping", "frame")
+
+
+@dataclass(frozen=True)
+class _Arm:
+    """The right armrest: its seat and back, and where it begins and ends.
+
+    Attributes:
+        width, depth: seat's plan about the origin; seat_top, seat_bottom: its heights.
+        back_z: z of the foot of the back; bend: of the back, None where it is not reached.
+        x, y, front: of the front end of the rest; rear_x, rear: x and z of its rear end.
+        thick, wide: section of the rest; post: side of a post.
+    """
+
+    width: float
+    depth: float
+    seat_top: float
+    seat_bottom: float
+    back_z: float
+    bend: Bend | None
+    x: float
+    y: float
+    front: float
+    rear_x: float
+    rear: float
+    thick: float
+    wide: float
+    post: float
+
+    @property
+    def edge(self) -> float:
+        """X of posts at the side of the seat."""
+        return self.width / 2.0 + self.post * 0.35
 
 
 def arm_parts(
@@ -39,78 +73,91 @@ def arm_parts(
         rear_x = min(x, bend.half_width_at(rise))
         y = min(y, seat_top + bend.height * 0.9)
     post = between(rng, 0.02, 0.045)
-    edge = width / 2.0 + post * 0.35
-    right: list[Part] = []
-    foot = np.array([edge, seat_bottom, min(front - post, depth / 2.0 - post)])
-    head = np.array([x, y, front - post])
+    arm = _Arm(width, depth, seat_top, seat_bottom, back_z, bend, x, y, front, rear_x, rear, thick, wide, post)
     if style in ("posts", "slatted"):
-        right.append(beam((rear_x, y + between(rng, 0.0, 0.03), rear), (x, y, front), wide, thick, "arm"))
-        if happens(rng, 0.5):
-            right.append(cylinder(post * 0.5, foot, head, "arm_post", 10))
-        else:
-            right.append(frustum((post, post), (post, post), foot, head, "arm_post"))
-        rear_post = np.array([edge, seat_bottom, -depth / 2.0 + post * 1.5])
-        if bend is None or style == "slatted" or rear_x < x - 0.03:
-            top = np.array([x, y + 0.01, max(rear, -depth / 2.0) + post * 1.5])
-            right.append(frustum((post, post), (post, post), rear_post, top, "arm_post"))
-        if style == "slatted":
-            for s in np.linspace(0.0, 1.0, whole(rng, 2, 6) + 2)[1:-1]:
-                low = rear_post + (foot - rear_post) * s
-                high = np.array([x, y, low[2]])
-                right.append(frustum((post * 0.4, post * 0.8), (post * 0.4, post * 0.8), low, high, "arm_post"))
+        right = _on_posts(rng, arm, style == "slatted")
     elif style == "panel":
-        t = between(rng, 0.018, 0.06)
-        low = 0.0 if happens(rng, 0.12) else seat_bottom
-        right.append(
-            box(
-                (t, y - low, front + depth / 2.0),
-                (width / 2.0 + t * 0.4, (y + low) / 2.0, (front - depth / 2.0) / 2.0),
-                "arm",
-            )
-        )
-        if happens(rng, 0.4):
-            right.append(
-                box(
-                    (t + 0.03, thick, front + depth / 2.0),
-                    (width / 2.0 + t * 0.4, y, (front - depth / 2.0) / 2.0),
-                    "arm",
-                )
-            )
+        right = _panel(rng, arm)
     elif style in ("loop", "frame"):
-        tube = ellipse(0.028, 0.028, 8) if style == "loop" else rounded_rectangle(wide * 0.8, thick, 0.0)
-        out = width / 2.0 + (0.008 if style == "loop" else wide * 0.3)
-        path = rounded_path(
-            [
-                (out, seat_bottom + 0.01, depth / 2.0 - 0.06),
-                (out, y, front - 0.02),
-                (out, y, -depth / 2.0 + 0.04),
-                (out, seat_bottom + 0.01, -depth / 2.0 + 0.04),
-            ],
-            between(rng, 0.03, 0.1) if style == "loop" else 0.005,
-            4 if style == "loop" else 1,
-        )
-        right.append(sweep(tube, path, "arm"))
+        right = [_loop(rng, arm, style == "loop")]
     elif style == "pad":
-        middle = between(rng, -0.15, 0.05) * depth
-        right.append(box((0.03, y - seat_bottom, 0.06), (edge, (y + seat_bottom) / 2.0, middle), "arm_post"))
-        size = (wide * 1.2, thick, depth * between(rng, 0.45, 0.7))
-        right.append(cushion(size, (edge, y, middle + 0.02), "arm", 0.015))
+        right = _pad(rng, arm)
     else:
-        crest = y + between(rng, 0.02, 0.12)
-        if bend is not None:
-            crest = min(crest, seat_top + bend.height * 0.9)
-            rear = back_z + bend.depth_at(crest - seat_top)
-        end = np.array([width / 2.0, seat_top - 0.01, depth / 2.0 * between(rng, 0.5, 0.95)])
-        control = np.array([x, crest, end[2] + between(rng, -0.15, 0.05)])
-        section = rounded_rectangle(wide * 0.8, thick, 0.0)
-        right.append(sweep(section, bezier((rear_x, crest, rear), control, end, 8), "arm"))
-        if bend is None:
-            right.append(
-                frustum(
-                    (post, post), (post, post), (edge, seat_bottom, rear + 0.01), (x, crest, rear + 0.01), "arm_post"
-                )
-            )
+        right = _sloping(rng, arm)
     return [*right, *(part.mirrored_x() for part in right)]
+
+
+def _on_posts(rng: np.random.Generator, arm: _Arm, slatted: bool) -> list[Part]:
+    """Build a rest on a front post, and on a rear one where no back carries it; slats fill the side."""
+    x, y, front, rear, post = arm.x, arm.y, arm.front, arm.rear, arm.post
+    foot = np.array([arm.edge, arm.seat_bottom, min(front - post, arm.depth / 2.0 - post)])
+    head = np.array([x, y, front - post])
+    parts = [beam((arm.rear_x, y + between(rng, 0.0, 0.03), rear), (x, y, front), arm.wide, arm.thick, "arm")]
+    if happens(rng, 0.5):
+        parts.append(cylinder(post * 0.5, foot, head, "arm_post", 10))
+    else:
+        parts.append(frustum((post, post), (post, post), foot, head, "arm_post"))
+    rear_post = np.array([arm.edge, arm.seat_bottom, -arm.depth / 2.0 + post * 1.5])
+    if arm.bend is None or slatted or arm.rear_x < x - 0.03:
+        top = np.array([x, y + 0.01, max(rear, -arm.depth / 2.0) + post * 1.5])
+        parts.append(frustum((post, post), (post, post), rear_post, top, "arm_post"))
+    if slatted:
+        slat = (post * 0.4, post * 0.8)
+        for s in np.linspace(0.0, 1.0, whole(rng, 2, 6) + 2)[1:-1]:
+            low = rear_post + (foot - rear_post) * s
+            parts.append(frustum(slat, slat, low, np.array([x, y, low[2]]), "arm_post"))
+    return parts
+
+
+def _panel(rng: np.random.Generator, arm: _Arm) -> list[Part]:
+    """Build a closed side, with a board on it by chance."""
+    t = between(rng, 0.018, 0.06)
+    low = 0.0 if happens(rng, 0.12) else arm.seat_bottom
+    long, x, z = arm.front + arm.depth / 2.0, arm.width / 2.0 + t * 0.4, (arm.front - arm.depth / 2.0) / 2.0
+    parts = [box((t, arm.y - low, long), (x, (arm.y + low) / 2.0, z), "arm")]
+    if happens(rng, 0.4):
+        parts.append(box((t + 0.03, arm.thick, long), (x, arm.y, z), "arm"))
+    return parts
+
+
+def _loop(rng: np.random.Generator, arm: _Arm, tube: bool) -> Part:
+    """Build a loop from the seat up, along and down again: a bent tube, or a frame of flat bars."""
+    section = ellipse(0.028, 0.028, 8) if tube else rounded_rectangle(arm.wide * 0.8, arm.thick, 0.0)
+    out, low = arm.width / 2.0 + (0.008 if tube else arm.wide * 0.3), arm.seat_bottom + 0.01
+    corners = [
+        (out, low, arm.depth / 2.0 - 0.06),
+        (out, arm.y, arm.front - 0.02),
+        (out, arm.y, -arm.depth / 2.0 + 0.04),
+        (out, low, -arm.depth / 2.0 + 0.04),
+    ]
+    return sweep(section, rounded_path(corners, between(rng, 0.03, 0.1) if tube else 0.005, 4 if tube else 1), "arm")
+
+
+def _pad(rng: np.random.Generator, arm: _Arm) -> list[Part]:
+    """Build a padded rest on one post."""
+    middle = between(rng, -0.15, 0.05) * arm.depth
+    height, y = arm.y - arm.seat_bottom, (arm.y + arm.seat_bottom) / 2.0
+    size = (arm.wide * 1.2, arm.thick, arm.depth * between(rng, 0.45, 0.7))
+    return [
+        box((0.03, height, 0.06), (arm.edge, y, middle), "arm_post"),
+        cushion(size, (arm.edge, arm.y, middle + 0.02), "arm", 0.015),
+    ]
+
+
+def _sloping(rng: np.random.Generator, arm: _Arm) -> list[Part]:
+    """Build a rest that falls in a curve to the front of the seat."""
+    crest, rear = arm.y + between(rng, 0.02, 0.12), arm.rear
+    if arm.bend is not None:
+        crest = min(crest, arm.seat_top + arm.bend.height * 0.9)
+        rear = arm.back_z + arm.bend.depth_at(crest - arm.seat_top)
+    end = np.array([arm.width / 2.0, arm.seat_top - 0.01, arm.depth / 2.0 * between(rng, 0.5, 0.95)])
+    control = np.array([arm.x, crest, end[2] + between(rng, -0.15, 0.05)])
+    section = rounded_rectangle(arm.wide * 0.8, arm.thick, 0.0)
+    parts = [sweep(section, bezier((arm.rear_x, crest, rear), control, end, 8), "arm")]
+    if arm.bend is None:
+        low, high = (arm.edge, arm.seat_bottom, rear + 0.01), (arm.x, crest, rear + 0.01)
+        parts.append(frustum((arm.post, arm.post), (arm.post, arm.post), low, high, "arm_post"))
+    return parts
 
 
 def upholstered_sides(

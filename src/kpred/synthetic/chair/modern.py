@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from kpred.synthetic.chair.arms import arm_parts
+from kpred.synthetic.chair.backs import Bend
 from kpred.synthetic.chair.bases import cantilever_tube, pedestal_base, sled_base, star_base
 from kpred.synthetic.chair.legs import corner_legs, leg_parts
 from kpred.synthetic.chair.seats import Seat, back_parts, random_bend, seat_parts, seat_size
@@ -19,56 +20,42 @@ from kpred.synthetic.paths import rounded_path
 Family = Callable[[np.random.Generator], list[Part]]
 
 
-def _seat_plate(seat: Seat) -> Part:
-    return box((0.16, 0.03, 0.16), (0.0, seat.bottom - 0.012, 0.0), "seat_frame")
+def _swivel_seat(seat: Seat, radius: float) -> list[Part]:
+    """Build a padded seat with rounded edges and the plate under it."""
+    middle = (0.0, seat.top - seat.thickness / 2.0, 0.0)
+    return [
+        cushion((seat.width, seat.thickness, seat.depth), middle, "seat", radius, 3),
+        box((0.16, 0.03, 0.16), (0.0, seat.bottom - 0.012, 0.0), "seat_frame"),
+    ]
+
+
+def _arms(
+    rng: np.random.Generator, seat: Seat, styles: tuple[str, ...], rise: tuple[float, float], foot: float, bend: Bend
+) -> list[Part]:
+    """Build armrests of one of the styles, so far above the seat; `foot`: z of the foot of the back."""
+    style = pick(rng, styles)
+    height = between(rng, *rise)
+    return arm_parts(rng, style, seat.width, seat.depth, seat.top, seat.bottom, height, foot, bend)
 
 
 def office_task(rng: np.random.Generator) -> list[Part]:
     """Build a swivel chair with castors, padded seat, and a back on a bar or right on the seat."""
     seat = seat_size(rng, (0.42, 0.56), (0.4, 0.54), (0.04, 0.1))
-    parts = [
-        cushion(
-            (seat.width, seat.thickness, seat.depth),
-            (0.0, seat.top - seat.thickness / 2.0, 0.0),
-            "seat",
-            between(rng, 0.02, 0.05),
-            3,
-        ),
-        _seat_plate(seat),
-    ]
+    parts = _swivel_seat(seat, between(rng, 0.02, 0.05))
     parts += star_base(rng, seat.bottom - 0.01, between(rng, 0.26, 0.34))
     bend = random_bend(rng, seat.width * between(rng, 0.75, 1.0), between(rng, 0.3, 0.62), (3.0, 18.0))
     style = pick(rng, ("stem", "stem", "padded_frame", "upholstered", "raised_panel", "hoop"))
     back, foot = back_parts(rng, seat, bend, style, between(rng, 0.02, 0.06), 0.0 if style == "stem" else 0.01)
     parts += back
     if happens(rng, 0.65):
-        parts += arm_parts(
-            rng,
-            pick(rng, ("pad", "pad", "loop", "posts")),
-            seat.width,
-            seat.depth,
-            seat.top,
-            seat.bottom,
-            between(rng, 0.16, 0.26),
-            foot,
-            bend,
-        )
+        parts += _arms(rng, seat, ("pad", "pad", "loop", "posts"), (0.16, 0.26), foot, bend)
     return parts
 
 
 def office_executive(rng: np.random.Generator) -> list[Part]:
     """Build a swivel chair with thick seat, high padded back, perhaps a head rest, and arms."""
     seat = seat_size(rng, (0.48, 0.64), (0.42, 0.54), (0.08, 0.16))
-    parts = [
-        cushion(
-            (seat.width, seat.thickness, seat.depth),
-            (0.0, seat.top - seat.thickness / 2.0, 0.0),
-            "seat",
-            between(rng, 0.03, 0.06),
-            3,
-        ),
-        _seat_plate(seat),
-    ]
+    parts = _swivel_seat(seat, between(rng, 0.03, 0.06))
     parts += star_base(rng, seat.bottom - 0.01, between(rng, 0.28, 0.37))
     bend = random_bend(rng, seat.width * between(rng, 0.85, 1.0), between(rng, 0.55, 0.85), (5.0, 20.0))
     thick = between(rng, 0.05, 0.09)
@@ -79,11 +66,7 @@ def office_executive(rng: np.random.Generator) -> list[Part]:
         head = cushion((bend.width * 0.6, thick * 0.8, tall), (0.0, 0.0, 0.0), "head_rest", 0.03, 3).rotated("x", 90.0)
         place = (0.0, bend.height - tall * between(rng, 0.1, 0.6), thick * 0.6 - 0.8 * bend.bow)
         parts.append(replace(bend, bow=0.0, arch=0.0, taper=1.0).apply(head.moved(place)).moved((0.0, seat.top, foot)))
-    style = pick(rng, ("pad", "loop", "posts", "sloping"))
-    return [
-        *parts,
-        *arm_parts(rng, style, seat.width, seat.depth, seat.top, seat.bottom, between(rng, 0.17, 0.27), foot, bend),
-    ]
+    return parts + _arms(rng, seat, ("pad", "loop", "posts", "sloping"), (0.17, 0.27), foot, bend)
 
 
 def pedestal_chair(rng: np.random.Generator) -> list[Part]:
@@ -99,17 +82,7 @@ def pedestal_chair(rng: np.random.Generator) -> list[Part]:
     if high:
         parts += foot_rest(rng, seat)
     if happens(rng, 0.3):
-        parts += arm_parts(
-            rng,
-            pick(rng, ("loop", "posts", "pad")),
-            seat.width,
-            seat.depth,
-            seat.top,
-            seat.bottom,
-            between(rng, 0.14, 0.24),
-            foot,
-            bend,
-        )
+        parts += _arms(rng, seat, ("loop", "posts", "pad"), (0.14, 0.24), foot, bend)
     return parts
 
 
@@ -177,17 +150,7 @@ def sled(rng: np.random.Generator) -> list[Part]:
     back, foot = back_parts(rng, seat, bend, style)
     parts += back
     if happens(rng, 0.4):
-        parts += arm_parts(
-            rng,
-            pick(rng, ("loop", "frame", "posts")),
-            seat.width,
-            seat.depth,
-            seat.top,
-            seat.bottom,
-            between(rng, 0.16, 0.26),
-            foot,
-            bend,
-        )
+        parts += _arms(rng, seat, ("loop", "frame", "posts"), (0.16, 0.26), foot, bend)
     return parts
 
 
@@ -209,17 +172,7 @@ def lounger(rng: np.random.Generator) -> list[Part]:
         parts += back
         bottom = seat.bottom + 0.005
         if happens(rng, 0.5):
-            parts += arm_parts(
-                rng,
-                pick(rng, ("posts", "frame", "loop")),
-                seat.width,
-                seat.depth,
-                seat.top,
-                seat.bottom,
-                between(rng, 0.14, 0.22),
-                foot,
-                bend,
-            )
+            parts += _arms(rng, seat, ("posts", "frame", "loop"), (0.14, 0.22), foot, bend)
     kind = pick(rng, ("sled", "legs", "star"))
     if kind == "sled":
         parts.append(box((seat.width * 0.95, 0.03, seat.depth * 0.9), (0.0, bottom - 0.005, 0.0), "seat_frame"))

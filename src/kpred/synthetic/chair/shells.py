@@ -79,19 +79,20 @@ def shell(
     return [loft(middle_first, "shell", cap)]
 
 
+def _bent_shell(
+    rng: np.random.Generator, seat: Seat, rise: tuple[float, float], thickness: tuple[float, float], wrap: float
+) -> list[Part]:
+    """Build a shell with rise and thickness within the given ranges, leaning and hollow by chance."""
+    height, lean = between(rng, *rise), between(rng, 4.0, 22.0)
+    thick, hollow = between(rng, *thickness), between(rng, 0.0, 0.04)
+    return shell(rng, seat, height, lean, thick, hollow, wrap)
+
+
 def shell_legs(rng: np.random.Generator) -> list[Part]:
     """Build a bent shell on four splayed legs."""
     seat = seat_size(rng, (0.42, 0.56), (0.38, 0.47), (0.03, 0.04))
     wrap = between(rng, 0.1, 0.22) if happens(rng, 0.4) else 0.0
-    parts = shell(
-        rng,
-        seat,
-        between(rng, 0.3, 0.55),
-        between(rng, 4.0, 22.0),
-        between(rng, 0.01, 0.03),
-        between(rng, 0.0, 0.04),
-        wrap,
-    )
+    parts = _bent_shell(rng, seat, (0.3, 0.55), (0.01, 0.03), wrap)
     under = seat.top - 0.075
     legs = corner_legs(
         rng, seat.width * 0.72, seat.depth * 0.75, under, between(rng, 0.02, 0.035), between(rng, 0.03, 0.09)
@@ -104,15 +105,7 @@ def shell_base(rng: np.random.Generator) -> list[Part]:
     """Build a bent shell on a pedestal, a swivel star, or runners."""
     seat = seat_size(rng, (0.42, 0.6), (0.38, 0.48), (0.03, 0.04))
     wrap = between(rng, 0.1, 0.25) if happens(rng, 0.5) else 0.0
-    parts = shell(
-        rng,
-        seat,
-        between(rng, 0.3, 0.6),
-        between(rng, 4.0, 22.0),
-        between(rng, 0.012, 0.035),
-        between(rng, 0.0, 0.04),
-        wrap,
-    )
+    parts = _bent_shell(rng, seat, (0.3, 0.6), (0.012, 0.035), wrap)
     kind = pick(rng, ("pedestal", "star", "sled"))
     plate = box((seat.width * 0.4, 0.06, seat.depth * 0.45), (0.0, seat.top - 0.045, 0.0), "seat_frame")
     if kind == "pedestal":

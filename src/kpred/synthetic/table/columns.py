@@ -129,56 +129,55 @@ def sculpted_table(rng: np.random.Generator) -> list[Part]:
     form = pick(rng, ("ribbon", "blades", "loops", "vase", "fan"))
     deep = depth * 0.55
     if form == "ribbon":
-        rise = np.linspace(0, 1, 17)
-        middle = np.stack([np.sin(rise * 2 * np.pi * pick(rng, (0.5, 0.75, 1.0))) * span / 2, rise * head], axis=1)
-        slope = np.gradient(middle, axis=0)
-        normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1, keepdims=True)
-        outline = np.concatenate([middle + 0.018 * normal, (middle - 0.018 * normal)[::-1]])
-        outline[:, 1] = np.clip(outline[:, 1], 0, head)
-        ribbon = [slab(outline, -deep / 2, deep, "base").rotated("x", -90.0)]
-        for x, y in ((middle[0, 0], 0.01), (middle[-1, 0], head - 0.01)):
-            ribbon.append(box((0.35 * span, 0.02, deep), (float(x), y, 0), "base"))
-        shift = float((middle[0, 0] + middle[-1, 0]) / 2)
-        parts += [part.moved((-shift, 0, 0)) for part in ribbon]
-    elif form == "blades":
+        return parts + _ribbon(rng, span, head, deep)
+    if form == "blades":
         for angle in np.array([0.0, between(rng, 50, 110)]) + between(rng, 10, 45):
             blade = frustum((span * 0.95, 0.03), (span * between(rng, 0.4, 0.9), 0.03), (0, 0, 0), (0, head, 0), "base")
             parts.append(blade.rotated("y", float(angle)))
-    elif form == "loops":
-        for side in (-1, 1):
-            for z in (-1, 1):
-                parts.append(
-                    beam(
-                        (side * span * 0.15, 0, z * deep / 2), (side * span / 2, head, z * deep / 2), 0.04, 0.04, "leg"
-                    )
-                )
-                parts.append(
-                    beam(
-                        (side * span * 0.5, 0, z * deep / 2),
-                        (side * span * 0.15, head, z * deep / 2),
-                        0.04,
-                        0.04,
-                        "leg",
-                    )
-                )
-            parts.append(box((0.04, 0.03, deep), (side * span * 0.32, head * 0.5, 0), "stretcher"))
-    elif form == "vase":
-        radius = 0.3 * depth
-        steps = np.linspace(0, 1, 10)
-        wave = 0.55 + 0.45 * np.cos(steps * 2 * np.pi * pick(rng, (0.5, 1.0)))
+        return parts
+    if form == "loops":
+        return parts + _leaning_loops(span, head, deep)
+    if form == "vase":
+        return parts + _vase(rng, 0.3 * depth, head)
+    for t in np.linspace(-1, 1, whole(rng, 4, 7)):
         parts.append(
-            lathe(
-                [(float(radius * w), float(head * t)) for w, t in zip(wave + 0.1, steps, strict=True)],
-                (0, 0, 0),
-                "base",
-                24,
-            )
+            beam((t * span * 0.12, 0, -t * deep * 0.5), (t * span / 2, head, t * deep * 0.5), 0.03, 0.05, "leg")
         )
-        parts.append(cylinder(radius * 0.8, (0, head - 0.012, 0), (0, head, 0), "mount", 20))
-    else:
-        for t in np.linspace(-1, 1, whole(rng, 4, 7)):
-            parts.append(
-                beam((t * span * 0.12, 0, -t * deep * 0.5), (t * span / 2, head, t * deep * 0.5), 0.03, 0.05, "leg")
-            )
-        parts.append(box((span * 0.4, 0.02, deep * 1.1), (0, 0.01, 0), "foot"))
+    return [*parts, box((span * 0.4, 0.02, deep * 1.1), (0, 0.01, 0), "foot")]
+
+
+def _ribbon(rng: np.random.Generator, span: float, head: float, deep: float) -> list[Part]:
+    """Build a sheet bent into waves from the floor to height `head`, with a plate at either end."""
+    rise = np.linspace(0, 1, 17)
+    middle = np.stack([np.sin(rise * 2 * np.pi * pick(rng, (0.5, 0.75, 1.0))) * span / 2, rise * head], axis=1)
+    slope = np.gradient(middle, axis=0)
+    normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1, keepdims=True)
+    outline = np.concatenate([middle + 0.018 * normal, (middle - 0.018 * normal)[::-1]])
+    outline[:, 1] = np.clip(outline[:, 1], 0, head)
+    ribbon = [slab(outline, -deep / 2, deep, "base").rotated("x", -90.0)]
+    for x, y in ((middle[0, 0], 0.01), (middle[-1, 0], head - 0.01)):
+        ribbon.append(box((0.35 * span, 0.02, deep), (float(x), y, 0), "base"))
+    shift = float((middle[0, 0] + middle[-1, 0]) / 2)
+    return [part.moved((-shift, 0, 0)) for part in ribbon]
+
+
+def _leaning_loops(span: float, head: float, deep: float) -> list[Part]:
+    """Build two frames of crossing bars, each joined by a bar between front and rear."""
+    parts = []
+    for side in (-1, 1):
+        for z in (-1, 1):
+            for low, high in ((side * span * 0.15, side * span / 2), (side * span * 0.5, side * span * 0.15)):
+                parts.append(beam((low, 0, z * deep / 2), (high, head, z * deep / 2), 0.04, 0.04, "leg"))
+        parts.append(box((0.04, 0.03, deep), (side * span * 0.32, head * 0.5, 0), "stretcher"))
     return parts
+
+
+def _vase(rng: np.random.Generator, radius: float, head: float) -> list[Part]:
+    """Build a turned body of waves with a plate on it."""
+    steps = np.linspace(0, 1, 10)
+    wave = 0.55 + 0.45 * np.cos(steps * 2 * np.pi * pick(rng, (0.5, 1.0)))
+    line = [(float(radius * w), float(head * t)) for w, t in zip(wave + 0.1, steps, strict=True)]
+    return [
+        lathe(line, (0, 0, 0), "base", 24),
+        cylinder(radius * 0.8, (0, head - 0.012, 0), (0, head, 0), "mount", 20),
+    ]

@@ -65,6 +65,22 @@ def round_table(rng: np.random.Generator) -> list[Part]:
     return parts
 
 
+def _apron_drawers(
+    rng: np.random.Generator,
+    wide: float,
+    deep: float,
+    top: float,
+    apron: float,
+    style: LegStyle,
+    board: float,
+    most: int,
+) -> list[Part]:
+    """Build one row of up to `most` drawers into the front apron, which hangs from height `top` between the legs."""
+    reach, front = wide / 2 - style.thickness, deep / 2 - style.thickness / 2 + 0.011
+    opening = Opening(-reach, reach, top - apron, top, 0.0, front, board)
+    return drawers(rng, opening, any_front_style(rng), 1, whole(rng, 1, most))
+
+
 def coffee_table(rng: np.random.Generator) -> list[Part]:
     """Build a low table, with a lower shelf or drawers in many cases."""
     width = between(rng, 0.7, 1.4)
@@ -80,17 +96,7 @@ def coffee_table(rng: np.random.Generator) -> list[Part]:
     parts = tabletop(rng, width, depth, height, thick, shape)
     parts += four_legs(rng, wide, deep, height - thick, style, apron, stretched=happens(rng, 0.15), shelf=shelf)
     if apron > 0.06 and happens(rng, 0.6):
-        gap = style.thickness
-        front = Opening(
-            -wide / 2 + gap,
-            wide / 2 - gap,
-            height - thick - apron,
-            height - thick,
-            0.0,
-            deep / 2 - style.thickness / 2 + 0.011,
-            0.01,
-        )
-        parts += drawers(rng, front, any_front_style(rng), 1, whole(rng, 1, 3))
+        parts += _apron_drawers(rng, wide, deep, height - thick, apron, style, 0.01, 3)
     return parts
 
 
@@ -111,16 +117,7 @@ def console_table(rng: np.random.Generator) -> list[Part]:
             box((wide - 0.3 * style.thickness, 0.02, deep - 0.3 * style.thickness), (0, shelf + 0.22, 0), "shelf")
         )
     if apron and happens(rng, 0.75):
-        front = Opening(
-            -wide / 2 + style.thickness,
-            wide / 2 - style.thickness,
-            height - thick - apron,
-            height - thick,
-            0.0,
-            deep / 2 - style.thickness / 2 + 0.011,
-            0.012,
-        )
-        parts += drawers(rng, front, any_front_style(rng), 1, whole(rng, 1, 4))
+        parts += _apron_drawers(rng, wide, deep, height - thick, apron, style, 0.012, 4)
     return parts
 
 
