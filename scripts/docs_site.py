@@ -113,7 +113,7 @@ def _text(source: str) -> str:
 
 
 def _gallery() -> dict[str, str]:
-    """The page of each example, and the page of all."""
+    """Write the page of each example, and the page of all."""
     pages, cards = {}, []
     for example in sorted((REPOSITORY / "examples").glob("*.py")):
         code = example.read_text()

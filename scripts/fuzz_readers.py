@@ -230,7 +230,7 @@ def mutated(data: bytes, generator: np.random.Generator) -> bytes:
 
 
 def _replace_number(data: bytearray, at: int, number: bytes) -> None:
-    """The first number of text at or behind a place becomes another."""
+    """Replace the first number of text at or behind a place."""
     digits = b"0123456789.-+e"
     start = next((i for i in range(at, min(at + 200, len(data))) if data[i] in b"0123456789"), None)
     if start is not None:

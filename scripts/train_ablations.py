@@ -188,7 +188,7 @@ def work(job: Job, index: int, number: int, row: str, barrier: Any, paces: Any) 
 
 
 def prepared(job: Job, number: int, device: torch.device) -> TrainingData:
-    """The data of a category, for all its processes."""
+    """Prepare the data of a category, for all its processes."""
     began = time.monotonic()
     pack = MeshPack.load(job.packs[number])
     network = new_network(preset(job.preset, job.categories[number]), job.base.seed).to(device)
@@ -201,7 +201,7 @@ def prepared(job: Job, number: int, device: torch.device) -> TrainingData:
 
 
 def network_before(job: Job, number: int, run: str, stage: str) -> KPRed:
-    """A run's network as it is before the stage: earlier stages' parts are those of the runs that they share."""
+    """Make a run's network as it is before the stage, with earlier parts from the runs that share them."""
     row = ROWS.get(run) or Ablation(run, gsa=run == deformation_run(ROWS["f"]))
     network = new_network(row.changed(preset(job.preset, job.categories[number])), job.base.seed)
     earlier = {"deformation": deformation_run(row), "retrieval": "f"}
@@ -230,7 +230,7 @@ def seconds_a_step(network: KPRed, data: TrainingData, config: TrainConfig, stag
 
 
 def with_steps(job: Job, config: TrainConfig, stage: str, a_step: float) -> TrainConfig:
-    """The config with the steps that fit into the stage's share of the time that is left; the same for all."""
+    """Set the steps that fit into the stage's fraction of the time that is left; the same for all."""
     order = list(STAGES)
     steps_file = job.scratch / f"{stage}.steps"
     if job.steps is not None:

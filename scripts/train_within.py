@@ -129,7 +129,7 @@ def train_category(
 
 
 def finer(config: TrainConfig) -> TrainConfig:
-    """Settings by which finished weights are trained on: smaller steps, and nothing of how a training begins."""
+    """Return settings to train finished weights on: smaller steps, and nothing of how a training begins."""
     stages = {
         stage: dataclasses.replace(getattr(config, stage), learning_rate=FINE_RATE, schedule="cosine")
         for stage in FRACTIONS
@@ -138,7 +138,7 @@ def finer(config: TrainConfig) -> TrainConfig:
 
 
 def train_on(network: KPRed, data: Any, config: TrainConfig, stage: str, folder: Path, report: Any) -> None:
-    """A stage of finished weights: it does not start its networks over, as `train_stage` would."""
+    """Train a stage of finished weights without starting its networks over, as `train_stage` would."""
     work = STAGE_CLASSES[stage](network, data, config)
     work.start = lambda: None  # type: ignore[method-assign]
     optimise(work, None, folder, data.device, sorted(STAGE_CLASSES).index(stage), report, log=False)
@@ -153,7 +153,7 @@ def train_recognizer(
     start_from: str | None = None,
     rate: float | None = None,
 ) -> None:
-    """The recognizer, by `end` on the monotonic clock; fresh, or on from finished weights."""
+    """Train the recognizer until `end` on the monotonic clock; fresh, or on from finished weights."""
     began = time.monotonic()
     data = prepare_recognition(packs, RECOGNITION.seed, device)
     _say(folder, f"{len(data.clouds)} shapes, prepared in {time.monotonic() - began:.0f} s")
@@ -183,7 +183,7 @@ def train_recognizer(
 
 
 def recognizer(categories: tuple[str, ...], start_from: str | None) -> Recognizer:
-    """A fresh one, or a finished one that goes on."""
+    """Make a fresh recognizer, or load a finished one that goes on."""
     earlier = None if start_from is None else finished(start_from)
     blocks = {"blocks": BLOCKS} if earlier is None else {"width": earlier.config.width, "blocks": earlier.config.blocks}
     with torch.random.fork_rng(devices=[]):
@@ -197,7 +197,7 @@ def recognizer(categories: tuple[str, ...], start_from: str | None) -> Recognize
 
 
 def finished(start_from: str) -> Recognizer:
-    """The recognizer of a bundled model, or the one in a folder."""
+    """Load the recognizer of a bundled model, or the one in a folder."""
     found = load_model(start_from).recognizer if start_from in BUNDLED else load_recognizer(start_from)
     if found is None:
         raise SystemExit(f"{start_from} has no recognizer.")

@@ -10,7 +10,7 @@ import trimesh
 
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
-from kpred.fitting.deform import Explanation
+from kpred.fitting.explanation import Explanation
 from kpred.fitting.hypotheses import Hypothesis
 from kpred.fitting.warnings import floor_gap, warnings_of
 from kpred.ops.frames import Frame

@@ -11,7 +11,8 @@ import kpred
 from kpred.database import Entry
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.defaults import resolve_database, resolve_model
-from kpred.fitting.deform import ModelPoints, deform_candidates
+from kpred.fitting.deform import deform_candidates
+from kpred.fitting.explanation import ModelPoints
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.visibility import GRID_SIZE, REACH, Visibility
 from kpred.ops import depth_scan, sample_surface

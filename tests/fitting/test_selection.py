@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.deform import Deformed, Explanation
+from kpred.fitting.explanation import Deformed, Explanation
 from kpred.fitting.selection import rank_candidates, risks
 from kpred.fitting.visibility import all_seen
 from kpred.refinement.placement import Placement

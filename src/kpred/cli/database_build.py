@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from kpred.database.address import masked
 
 if TYPE_CHECKING:
     from kpred.batch.ray_encoder import RayEncoder
+    from kpred.database import BuildReport
     from kpred.nn import Model
 
 DatabasePath = Annotated[Positional[str], arg(metavar="DATABASE")]
@@ -89,30 +90,10 @@ class EncodingCommand(Command):
                 raise KeyboardInterrupt(f"{masked(file)} is whole, and the same command goes on with it") from error
             raise
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
-        there = report.skipped_present + report.replaced + len(report.changed)
-        if not report.added and not there:
+        if not (report.added or report.skipped_present or report.replaced or report.changed):
             why = left_out[0] if left_out else "no shape of that category and split is there"
             raise DatabaseError(f"{source}: nothing could be put into {masked(file)}; {why}")
-        facts = {"path": masked(file), "added": report.added, "present": report.skipped_present, "left_out": left_out}
-        facts |= {"replaced": report.replaced, "changed": report.changed}
-        output.result(facts | {"warnings": check.warnings()})
-        if report.changed:
-            named = ", ".join(report.changed[:5]) + (", ..." if len(report.changed) > 5 else "")
-            output.caution(
-                f"{len(report.changed)} models are in {masked(file)} with another mesh, which was kept ({named}); "
-                "--update replaces them."
-            )
-        for sentence in left_out[:10]:
-            output.note(f"left out: {sentence}")
-        if len(left_out) > 10:
-            output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
-        output.note(
-            f"{masked(file)}: {report.added} added, {report.replaced} replaced, "
-            f"{report.skipped_present + len(report.changed)} already there, {len(left_out)} left out"
-        )
-
-        for sentence in check.warnings():
-            output.caution(sentence)
+        _print_report(output, masked(file), report, left_out, check.warnings())
 
     @contextmanager
     def _cluster(self, model: Model) -> Iterator[RayEncoder | None]:
@@ -129,6 +110,32 @@ class EncodingCommand(Command):
             yield encoder
         finally:
             encoder.close()
+
+
+def _print_report(
+    output: Output, file: str, report: BuildReport, left_out: Sequence[str], warnings: Sequence[str]
+) -> None:
+    """Print what was put into a database and what was not."""
+    there = report.skipped_present + report.replaced + len(report.changed)
+    facts = {"path": file, "added": report.added, "present": report.skipped_present, "left_out": list(left_out)}
+    facts |= {"replaced": report.replaced, "changed": report.changed}
+    output.result(facts | {"warnings": list(warnings)})
+    if report.changed:
+        named = ", ".join(report.changed[:5]) + (", ..." if len(report.changed) > 5 else "")
+        output.caution(
+            f"{len(report.changed)} models are in {file} with another mesh, which was kept ({named}); "
+            "--update replaces them."
+        )
+    for sentence in left_out[:10]:
+        output.note(f"left out: {sentence}")
+    if len(left_out) > 10:
+        output.note(f"left out: {len(left_out) - 10} more (--json lists them)")
+    output.note(
+        f"{file}: {report.added} added, {report.replaced} replaced, "
+        f"{there - report.replaced} already there, {len(left_out)} left out"
+    )
+    for sentence in warnings:
+        output.caution(sentence)
 
 
 @dataclass(frozen=True, kw_only=True)

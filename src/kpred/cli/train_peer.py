@@ -136,7 +136,15 @@ class NeuralCagesCommand(_PeerCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Uy2021Command(_PeerCommand):
+class _PartsCommand(_PeerCommand):
+    """What the commands of part-wise methods share."""
+
+    parts: Annotated[int, arg(metavar="N")] = 24
+    """Most parts of a source; of one that has more, the smallest are joined to their neighbours"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uy2021Command(_PartsCommand):
     """Train Uy et al. 2021: part-wise deformation and retrieval together; sources are the split source.
 
     Parts are the labels of a generated pack, or what hangs together. The sources are known by learned codes, so that
@@ -149,8 +157,6 @@ class Uy2021Command(_PeerCommand):
 
     peer: ClassVar[str] = "uy2021"
 
-    parts: Annotated[int, arg(metavar="N")] = 24
-    """Most parts of a source; of one that has more, the smallest are joined to their neighbours"""
     training: Annotated[Uy2021Training, arg(name="")] = field(default_factory=Uy2021Training)
 
     def model(self) -> Any:
@@ -161,7 +167,7 @@ class Uy2021Command(_PeerCommand):
 
 
 @dataclass(frozen=True, kw_only=True)
-class URedCommand(_PeerCommand):
+class URedCommand(_PartsCommand):
     """Train U-RED (Di et al. 2023): parts moved by attention, retrieval by the residual that would be left.
 
     Sources of the training are the split source; any others can be retrieved later too.
@@ -173,8 +179,6 @@ class URedCommand(_PeerCommand):
 
     peer: ClassVar[str] = "u-red"
 
-    parts: Annotated[int, arg(metavar="N")] = 24
-    """Most parts of a source; of one that has more, the smallest are joined to their neighbours"""
     training: Annotated[URedTraining, arg(name="")] = field(default_factory=URedTraining)
 
     def model(self) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
-from kpred.fitting.deform import Deformed
+from kpred.fitting.explanation import Deformed
 from kpred.fitting.placed import Placed
 from kpred.fitting.stages import CleanScan, Context, Tried
 from kpred.fitting.warnings import floor_gap, warnings_of

@@ -10,7 +10,7 @@ import trimesh
 
 from kpred.database import Database, Entry
 from kpred.errors import DatabaseError
-from kpred.fitting.deform import Deformed, Explanation, ModelPoints
+from kpred.fitting.explanation import Deformed, Explanation, ModelPoints
 from kpred.ops.closest_point import closest_points
 from kpred.ops.frames import Frame
 from kpred.ops.typing import Float

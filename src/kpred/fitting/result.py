@@ -16,7 +16,8 @@ import trimesh
 from kpred.exports.furniture import WOOD
 from kpred.fitting.assessment import Assessment
 from kpred.fitting.confidence import Evidence
-from kpred.fitting.deform import WHOLE, Deformed
+from kpred.fitting.deform import WHOLE
+from kpred.fitting.explanation import Deformed
 from kpred.fitting.options import FitOptions
 from kpred.fitting.placed import Placed, PlacedModel, in_own_size, place_mesh
 from kpred.fitting.source import FitSource

@@ -12,7 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from kpred.fitting.deform import WHOLE, Deformed
+from kpred.fitting.deform import WHOLE
+from kpred.fitting.explanation import Deformed
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
 from kpred.refinement.free_space import free_space_errors

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kpred.fitting.confidence import Evidence
-from kpred.fitting.deform import Explanation
+from kpred.fitting.explanation import Explanation
 from kpred.ops.typing import Float
 from kpred.preprocessing.clean import CleaningStep
 

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from kpred.database import Entry
-from kpred.fitting.deform import Explanation
+from kpred.fitting.explanation import Explanation
 from kpred.fitting.placed import SURFACE_POINTS
 from kpred.fitting.result import Fit
 from kpred.ops.closest_point import closest_points

@@ -92,6 +92,22 @@ def frustum(bottom_size: Vector, top_size: Vector, bottom_center: Vector, top_ce
     return loft(np.stack(rings), label, axes=axes)
 
 
+def splayed_legs(
+    head: tuple[Number, Number],
+    out: Number,
+    foot: tuple[Number, Number],
+    section: tuple[Number, Number],
+    height: Number,
+) -> list[Part]:
+    """Build four legs under (±x, ±z) at `height`, each side `out` farther out on the floor, of section `foot` there."""
+    (x, z), ends = head, (-1, 1)
+    return [
+        frustum(foot, section, (a * (x + out), 0, b * (z + out)), (a * x, height, b * z), "leg")
+        for a in ends
+        for b in ends
+    ]
+
+
 def cylinder(
     radius: Number, start: Vector, end: Vector, label: str, sides: int = 16, end_radius: Number | None = None
 ) -> Part:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -170,13 +170,7 @@ def _optimise(
                 if torch.isfinite(norm):
                     optimizer.step()
                 done, state, torn = step + 1, generator.get_state(), False
-                if report or writer:
-                    values = {name: float(value.detach()) for name, value in losses.items()}
-                    if report:
-                        report(stage, done, total, values)
-                    if writer and done % 10 == 0:
-                        for name, value in values.items():
-                            writer.add_scalar(f"{stage}/{name}", value, done)
+                _report(losses, stage, done, total, report, writer)
                 if done % config.checkpoint_every == 0 or done == total:
                     _save(path, work, optimizer, state, done, world)
     except KeyboardInterrupt as error:
@@ -189,6 +183,20 @@ def _optimise(
             writer.close()
         network.eval()
     return first < total
+
+
+def _report(
+    losses: Mapping[str, Tensor], stage: str, done: int, total: int, report: StepReport | None, writer: Any
+) -> None:
+    """Report the losses of a step, and write each tenth to the log."""
+    if not report and not writer:
+        return
+    values = {name: float(value.detach()) for name, value in losses.items()}
+    if report:
+        report(stage, done, total, values)
+    if writer and done % 10 == 0:
+        for name, value in values.items():
+            writer.add_scalar(f"{stage}/{name}", value, done)
 
 
 def learning_rate(settings: StageConfig, step: int) -> float:

@@ -19,8 +19,9 @@ from kpred.evaluation.tables.packs import pack_files
 from kpred.evaluation.tables.table import Cell, Table
 from kpred.evaluation.tables.targets import Target, read_targets
 from kpred.fitting import fit
-from kpred.fitting.deform import Deform, ModelPoints
+from kpred.fitting.deform import Deform
 from kpred.fitting.encoding import encode_scan
+from kpred.fitting.explanation import ModelPoints
 from kpred.nn import Model, ModelConfig
 from kpred.shapes import MeshPack, open_shapes
 from kpred.training.run import new_network

@@ -24,7 +24,8 @@ from kpred.evaluation.methods.method import FEED_FORWARD, REFINED, Prediction, Q
 from kpred.evaluation.methods.no_learning import best_of_all, lowest_error
 from kpred.evaluation.methods.sources import Sources
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.deform import Deform, Deformation, ModelPoints, deform_candidates
+from kpred.fitting.deform import Deform, deform_candidates
+from kpred.fitting.explanation import Deformation, ModelPoints
 from kpred.fitting.options import FitOptions
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses

@@ -8,7 +8,7 @@ from kpred.evaluation.page import Page
 from kpred.evaluation.scans.catalogue_outcomes import CatalogueOutcome
 from kpred.evaluation.scans.catalogue_summaries import FIRST, STEPS
 from kpred.evaluation.scans.run import ScanReport
-from kpred.evaluation.scans.summary_table import SummaryTable
+from kpred.evaluation.scans.summary_table import Column, SummaryTable
 
 
 def catalogue_pages(report: ScanReport[CatalogueOutcome]) -> Iterator[Page]:
@@ -16,39 +16,31 @@ def catalogue_pages(report: ScanReport[CatalogueOutcome]) -> Iterator[Page]:
     table, header = SummaryTable(report.summaries), report.header
     views = int(header["views"])
     scanned = "whole surfaces" if views == 0 else f"{views} depth view{'s' if views > 1 else ''}"
-    yield Page(
+    yield table.page(
         f"models of the database, scanned ({scanned}), up axis and category given; 95 % intervals",
-        ["data", "n", "right model first", f"in {header['top_k']}", "yaw < 15°", "distance %", "failed", "ms"],
+        "right_model_first",
         [
-            (
-                name,
-                table.count(key, "right_model_first"),
-                table.interval(key, "right_model_first"),
-                table.interval(key, "right_model_in_top_k"),
-                table.interval(key, "yaw_right"),
-                table.percent(key, "distance"),
-                table.value(key, "failed"),
-                table.value(key, "milliseconds"),
-            )
-            for name, key in table.lines("right_model_first")
+            Column("n", table.count, "right_model_first"),
+            Column("right model first", table.interval, "right_model_first"),
+            Column(f"in {header['top_k']}", table.interval, "right_model_in_top_k"),
+            Column("yaw < 15°", table.interval, "yaw_right"),
+            Column("distance %", table.percent, "distance"),
+            Column("failed", table.value, "failed"),
+            Column("ms", table.value, "milliseconds"),
         ],
     )
-    yield Page(
+    yield table.page(
         "where the right model is first: distance from the true surface to result and undeformed model, % of the "
         "longest side, medians; thickness of boards / own, median; fraction of boards within 10 %; steps chosen",
-        ["data", "n", "result", "undeformed", "ratio", "thickness", "kept", "yaw < 15°", *STEPS],
+        "right_model_first",
         [
-            (
-                name,
-                table.count(key, "distance", FIRST),
-                table.percent(key, "distance", FIRST),
-                table.percent(key, "undeformed_distance", FIRST),
-                table.interval(key, "distance_ratio", FIRST),
-                table.interval(key, "board_thickness", FIRST),
-                table.value(key, "boards_kept", FIRST),
-                table.value(key, "yaw_right", FIRST),
-                *(table.value(key, f"step_{step}", FIRST) for step in STEPS),
-            )
-            for name, key in table.lines("right_model_first")
+            Column("n", table.count, "distance", FIRST),
+            Column("result", table.percent, "distance", FIRST),
+            Column("undeformed", table.percent, "undeformed_distance", FIRST),
+            Column("ratio", table.interval, "distance_ratio", FIRST),
+            Column("thickness", table.interval, "board_thickness", FIRST),
+            Column("kept", table.value, "boards_kept", FIRST),
+            Column("yaw < 15°", table.value, "yaw_right", FIRST),
+            *(Column(step, table.value, f"step_{step}", FIRST) for step in STEPS),
         ],
     )

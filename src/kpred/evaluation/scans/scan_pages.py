@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from kpred.evaluation.metrics.reliability import Reliability
 from kpred.evaluation.metrics.symmetry import SYMMETRIES
 from kpred.evaluation.page import Page
-from kpred.evaluation.scans.summary_table import SummaryTable
+from kpred.evaluation.scans.summary_table import Column, SummaryTable
 from kpred.evaluation.scans.virtual_scans import ScansReport
 
 
@@ -39,60 +39,55 @@ def reliability_page(found: Reliability) -> Page:
 
 
 def _results(table: SummaryTable) -> Page:
-    return Page(
+    return table.page(
         "nothing given but gravity (unknown), against frame, pose and category given (known); UCD from the whole true "
         "surface, unit box squared, true unit box; 95 % intervals",
-        ["data", "n", "unknown", "known", "ratio", "yaw < 15°", "category", "right", "failed", "ms"],
+        "category_right",
         [
-            (
-                name,
-                table.count(key, "category_right"),
-                table.value(key, "ucd_whole_unknown"),
-                table.value(key, "ucd_whole_known"),
-                table.interval(key, "ucd_whole_ratio"),
-                table.interval(key, "yaw_right"),
-                table.interval(key, "category_right"),
-                table.interval(key, "right"),
-                table.value(key, "failed"),
-                table.value(key, "milliseconds"),
-            )
-            for name, key in table.lines("category_right")
+            Column("n", table.count, "category_right"),
+            Column("unknown", table.value, "ucd_whole_unknown"),
+            Column("known", table.value, "ucd_whole_known"),
+            Column("ratio", table.interval, "ucd_whole_ratio"),
+            Column("yaw < 15°", table.interval, "yaw_right"),
+            Column("category", table.interval, "category_right"),
+            Column("right", table.interval, "right"),
+            Column("failed", table.value, "failed"),
+            Column("ms", table.value, "milliseconds"),
         ],
     )
 
 
 def _errors(table: SummaryTable) -> Page:
-    return Page(
+    heads = ("none", "half", "quarter", "round")
+    return table.page(
         "errors: UCD from what the camera saw, unit box squared; box errors / the longest side; yaw, degrees, "
         "and fraction under 15 by symmetry",
-        ["data", "seen, unknown", "seen, known", "ratio", "centre", "size", "yaw", "none", "half", "quarter", "round"],
+        "category_right",
         [
-            (
-                name,
-                table.value(key, "ucd_visible_unknown"),
-                table.value(key, "ucd_visible_known"),
-                table.value(key, "ucd_visible_ratio"),
-                table.value(key, "centre_error"),
-                table.value(key, "size_error"),
-                table.value(key, "yaw_error"),
-                *(table.counted(key, "yaw_right", f"symmetry {symmetry.name}") for symmetry in SYMMETRIES),
-            )
-            for name, key in table.lines("category_right")
+            Column("seen, unknown", table.value, "ucd_visible_unknown"),
+            Column("seen, known", table.value, "ucd_visible_known"),
+            Column("ratio", table.value, "ucd_visible_ratio"),
+            Column("centre", table.value, "centre_error"),
+            Column("size", table.value, "size_error"),
+            Column("yaw", table.value, "yaw_error"),
+            *(
+                Column(head, table.counted, "yaw_right", f"symmetry {symmetry.name}")
+                for head, symmetry in zip(heads, SYMMETRIES, strict=True)
+            ),
         ],
     )
 
 
 def _others(table: SummaryTable) -> Page:
-    return Page(
+    return table.page(
         "things of no known category: fractions",
-        ["data", "n", "confidence < 0.5", "warned", "neither", "refused", "ms"],
+        "other_warned",
         [
-            (
-                name,
-                table.count(key, "other_warned"),
-                *(table.value(key, f"other_{metric}") for metric in ("doubted", "warned", "unnoticed", "refused")),
-                table.value(key, "other_milliseconds"),
-            )
-            for name, key in table.lines("other_warned")
+            Column("n", table.count, "other_warned"),
+            Column("confidence < 0.5", table.value, "other_doubted"),
+            Column("warned", table.value, "other_warned"),
+            Column("neither", table.value, "other_unnoticed"),
+            Column("refused", table.value, "other_refused"),
+            Column("ms", table.value, "other_milliseconds"),
         ],
     )

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from kpred.evaluation.metrics.summary import ALL, Summary
+from kpred.evaluation.page import Page
 
 Key = tuple[str, str]
 """Data set and category."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a printed table: its head, and a method of `SummaryTable` with the metric and group that it shows."""
+
+    head: str
+    cell: Callable[..., object]
+    metric: str
+    group: str = ALL
 
 
 class SummaryTable:
@@ -20,6 +32,14 @@ class SummaryTable:
         """List name and key of all data that have this metric."""
         keys = dict.fromkeys((dataset, category) for dataset, category, name, _ in self._found if name == metric)
         return [("/".join(key), key) for key in keys]
+
+    def page(self, title: str, metric: str, columns: Sequence[Column]) -> Page:
+        """Lay out a line for all data that have this metric."""
+        rows = [
+            (name, *(column.cell(key, column.metric, column.group) for column in columns))
+            for name, key in self.lines(metric)
+        ]
+        return Page(title, ["data", *(column.head for column in columns)], rows)
 
     def value(self, key: Key, metric: str, group: str = ALL) -> float | None:
         """Look up a value; None where nothing was measured."""

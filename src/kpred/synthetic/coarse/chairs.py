@@ -10,136 +10,10 @@ from collections.abc import Callable
 import numpy as np
 
 from kpred.synthetic.chance import between, happens, pick, whole
-from kpred.synthetic.parts import Part, beam, box, frustum
+from kpred.synthetic.coarse.chair_parts import apron, corner_posts, plain_arms, plain_back, stretchers
+from kpred.synthetic.parts import Part, beam, box
 
 Family = Callable[[np.random.Generator], list[Part]]
-
-
-def _posts(
-    rng: np.random.Generator, width: float, depth: float, head: float, size: float, straight: bool = False
-) -> list[Part]:
-    """Build four legs at the corners, splayed or tapered at times unless `straight`."""
-    x, z = (width - size) / 2, (depth - size) / 2
-    out = 0.0 if straight else pick(rng, (0.0, 0.0, between(rng, -0.03, 0.12))) * head
-    foot = size if straight else size * pick(rng, (1.0, 1.0, between(rng, 0.4, 1.1)))
-    return [
-        frustum((foot, foot), (size, size), (a * (x + out), 0, b * (z + out)), (a * x, head + 0.002, b * z), "leg")
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
-
-
-def _stretchers(rng: np.random.Generator, width: float, depth: float, head: float, size: float) -> list[Part]:
-    """Build bars between straight legs."""
-    x, z, bar = (width - size) / 2, (depth - size) / 2, size * between(rng, 0.4, 0.9)
-    y = head * between(rng, 0.15, 0.6)
-    parts = [box((bar, bar, 2 * z), (s * x, y, 0), "stretcher") for s in (-1, 1)]
-    across = pick(rng, ("front", "both", "middle", "none"))
-    if across == "middle":
-        parts.append(box((2 * x, bar, bar), (0, y, 0), "stretcher"))
-    elif across != "none":
-        parts += [box((2 * x, bar, bar), (0, y, s * z), "stretcher") for s in ((1,) if across == "front" else (-1, 1))]
-    return parts
-
-
-def _apron(rng: np.random.Generator, width: float, depth: float, head: float) -> list[Part]:
-    if not happens(rng, 0.3):
-        return []
-    tall = head * between(rng, 0.08, 0.3)
-    return [box((width * 0.96, tall, depth * 0.96), (0, head - tall / 2 + 0.002, 0), "seat_frame")]
-
-
-def _back(rng: np.random.Generator, width: float, depth: float, seat: float, rise: float) -> list[Part]:
-    """Build a back on the seat's rear edge: a panel, bars between rails, or a panel on posts."""
-    kind = pick(rng, ("panel", "panel", "panel", "slats", "ladder", "framed", "rail", "two"))
-    thick = depth * pick(rng, (between(rng, 0.03, 0.1), between(rng, 0.08, 0.3)))
-    wide = width * pick(rng, (1.0, 1.0, between(rng, 0.7, 1.1)))
-    z, low, top = -(depth - thick) / 2, seat - 0.01, seat + rise
-    parts: list[Part] = []
-    if kind == "panel":
-        parts.append(box((wide, top - low, thick), (0, (low + top) / 2, z), "back_panel"))
-        if happens(rng, 0.2):
-            tall, more = rise * between(rng, 0.1, 0.3), pick(rng, (between(rng, 0.01, 0.06), -0.1))
-            size = (wide + 2 * more, tall, thick * between(rng, 0.8, 1.6))
-            parts.append(box(size, (0, top + tall / 2 - 0.004, z), "back_rail"))
-    elif kind == "two":
-        half = (low + top) / 2 + rise * between(rng, -0.2, 0.2)
-        parts.append(box((wide, half - low + 0.004, thick), (0, (low + half) / 2, z), "back_panel"))
-        parts.append(
-            box((wide * between(rng, 0.5, 1.2), top - half, thick * 0.8), (0, (half + top) / 2, z), "back_panel")
-        )
-    else:
-        post = wide * between(rng, 0.06, 0.16)
-        thick = max(min(thick, 0.14 * depth), 0.015)
-        z = -(depth - thick) / 2
-        rail = rise * between(rng, 0.08, 0.35)
-        parts.append(box((wide * pick(rng, (1.0, 1.05)), rail, thick), (0, top - rail / 2, z), "back_rail"))
-        outer = kind != "slats" or happens(rng, 0.6)
-        if outer:
-            x = (wide - post) / 2
-            parts += [
-                box((post, top - low - rail * 0.5, thick), (s * x, (low + top - rail * 0.5) / 2, z), "back_post")
-                for s in (-1, 1)
-            ]
-        if kind == "slats":
-            count = whole(rng, 3, 7)
-            bar = wide / count * between(rng, 0.2, 0.6)
-            for x in np.linspace(-0.38, 0.38, count) * wide:
-                parts.append(
-                    box(
-                        (bar, top - low - rail * 0.5, thick * 0.7),
-                        (float(x), (low + top - rail * 0.5) / 2, z),
-                        "back_slat",
-                    )
-                )
-        elif kind == "ladder":
-            count = whole(rng, 1, 4)
-            for k in range(count):
-                y = seat + (rise - rail) * (k + 0.7) / (count + 0.4)
-                parts.append(box((wide - post, rise * between(rng, 0.06, 0.16), thick * 0.7), (0, y, z), "back_slat"))
-        elif kind == "framed":
-            tall = rise - rail
-            parts.append(
-                box(
-                    (wide - 1.4 * post, tall * between(rng, 0.5, 1.0), thick * 0.5),
-                    (0, top - rail * 0.5 - tall * 0.45, z),
-                    "back_panel",
-                )
-            )
-    lean = pick(rng, (0.0, between(rng, 0, 8), between(rng, 5, 25)))
-    # Leaned about the seat's rear edge, backwards.
-    return [part.rotated("x", -lean, (0.0, seat - 0.005, -depth / 2 + thick)) for part in parts]
-
-
-def _arms(rng: np.random.Generator, width: float, depth: float, seat: float, chance: float = 0.4) -> list[Part]:
-    """Build arms at both sides: rests on posts, panels down to the seat, or blocks; sometimes none."""
-    if not happens(rng, chance):
-        return []
-    rise = between(rng, 0.12, 0.32)
-    wide = pick(rng, (between(rng, 0.025, 0.06), between(rng, 0.05, 0.18)))
-    long = depth * between(rng, 0.6, 1.0)
-    z = -(depth - long) / 2
-    kind = pick(rng, ("rest", "panel", "block"))
-    right: list[Part] = []
-    x = width / 2 + wide / 2 - 0.006 - pick(rng, (0.0, wide))
-    if kind == "block":
-        low = seat * between(rng, 0.0, 0.8)
-        right.append(box((wide, seat + rise - low, long), (x, (low + seat + rise) / 2, z), "arm"))
-    elif kind == "panel":
-        right.append(box((wide, rise + 0.02, long), (x, seat + rise / 2 - 0.01, z), "arm"))
-    else:
-        bar = between(rng, 0.02, 0.05)
-        right.append(box((max(wide, bar), bar, long), (x, seat + rise - bar / 2, z), "arm"))
-        for at in (0.42, -0.42) if happens(rng, 0.5) else (0.42,):
-            foot = seat - (0.01 if abs(x) < width / 2 else 0.03)
-            right.append(
-                box(
-                    (bar, seat + rise - foot - 0.004, bar),
-                    (min(x, width / 2 - bar * 0.2), (foot + seat + rise) / 2, z + at * long),
-                    "arm_post",
-                )
-            )
-    return [*right, *(part.mirrored_x() for part in right)]
 
 
 def plain_chair(rng: np.random.Generator) -> list[Part]:
@@ -152,10 +26,13 @@ def plain_chair(rng: np.random.Generator) -> list[Part]:
     parts = [box((width, thick, depth), (0, seat - thick / 2, 0), "seat")]
     wide, deep = width * between(rng, 0.85, 1.0), depth * between(rng, 0.85, 1.0)
     barred = size < 0.1 * width and happens(rng, 0.35)
-    parts += _posts(rng, wide, deep, head, size, straight=barred)
-    parts += _stretchers(rng, wide, deep, head, size) if barred else []
+    parts += corner_posts(rng, wide, deep, head, size, straight=barred)
+    parts += stretchers(rng, wide, deep, head, size) if barred else []
     return (
-        parts + _apron(rng, width, depth, head) + _back(rng, width, depth, seat, rise) + _arms(rng, width, depth, seat)
+        parts
+        + apron(rng, width, depth, head)
+        + plain_back(rng, width, depth, seat, rise)
+        + plain_arms(rng, width, depth, seat)
     )
 
 
@@ -166,12 +43,14 @@ def high_chair(rng: np.random.Generator) -> list[Part]:
     thick, size = between(rng, 0.02, 0.14), between(rng, 0.02, 0.07)
     head = seat - thick
     parts = [box((width, thick, depth), (0, seat - thick / 2, 0), "seat")]
-    parts += _posts(rng, width * 0.96, depth * 0.96, head, size, straight=True)
+    parts += corner_posts(rng, width * 0.96, depth * 0.96, head, size, straight=True)
     y = head * between(rng, 0.2, 0.5)
     x, z = (width * 0.96 - size) / 2, (depth * 0.96 - size) / 2
     parts += [box((size * 0.7, size * 0.7, 2 * z), (s * x, y, 0), "stretcher") for s in (-1, 1)]
     parts += [box((2 * x, size * 0.7, size * 0.7), (0, y, s * z), "stretcher") for s in (-1, 1)]
-    return parts + _back(rng, width, depth, seat, between(rng, 0.12, 0.5)) + _arms(rng, width, depth, seat, 0.15)
+    return (
+        parts + plain_back(rng, width, depth, seat, between(rng, 0.12, 0.5)) + plain_arms(rng, width, depth, seat, 0.15)
+    )
 
 
 def block_chair(rng: np.random.Generator) -> list[Part]:
@@ -181,7 +60,7 @@ def block_chair(rng: np.random.Generator) -> list[Part]:
     feet = seat * pick(rng, (0.0, between(rng, 0.05, 0.35)))
     parts = [box((width, seat - feet, depth), (0, (seat + feet) / 2, 0), "seat")]
     if feet:
-        parts += _posts(rng, width, depth, feet, width * between(rng, 0.05, 0.2))
+        parts += corner_posts(rng, width, depth, feet, width * between(rng, 0.05, 0.2))
     rise, thick = between(rng, 0.15, 0.7), depth * between(rng, 0.1, 0.4)
     low = pick(rng, (seat - 0.01, feet, 0.0))
     back = box((width, seat + rise - low, thick), (0, (low + seat + rise) / 2, -(depth - thick) / 2), "back_panel")
@@ -224,7 +103,7 @@ def walled_chair(rng: np.random.Generator) -> list[Part]:
     parts += [box((wall, arm - low, long), (s * x, (arm + low) / 2, z), "arm") for s in (-1, 1)]
     if lift > 0.14 and happens(rng, 0.5):
         return parts + _column(rng, width, lift)
-    return parts + (_posts(rng, inner, depth * 0.96, lift, between(rng, 0.03, 0.1)) if lift else [])
+    return parts + (corner_posts(rng, inner, depth * 0.96, lift, between(rng, 0.03, 0.1)) if lift else [])
 
 
 def _column(rng: np.random.Generator, width: float, head: float) -> list[Part]:
@@ -249,7 +128,7 @@ def column_chair(rng: np.random.Generator) -> list[Part]:
     seat = thick + between(rng, 0.18, 0.42) if happens(rng, 0.75) else between(rng, 0.55, 0.8)
     parts = [box((width, thick, depth), (0, seat - thick / 2, 0), "seat")]
     parts += _column(rng, width, seat - thick)
-    return parts + _back(rng, width, depth, seat, between(rng, 0.2, 0.75)) + _arms(rng, width, depth, seat)
+    return parts + plain_back(rng, width, depth, seat, between(rng, 0.2, 0.75)) + plain_arms(rng, width, depth, seat)
 
 
 def slab_throne(rng: np.random.Generator) -> list[Part]:
@@ -268,9 +147,9 @@ def slab_throne(rng: np.random.Generator) -> list[Part]:
         up = head + 0.004 if happens(rng, 0.5) else seat + between(rng, 0.1, 0.3)
         parts += [box((board, up, depth), (s * (width - board) / 2, up / 2, 0), "side") for s in (-1, 1)]
     elif kind == "legs":
-        parts += _posts(rng, width, depth, head, between(rng, 0.03, 0.1))
+        parts += corner_posts(rng, width, depth, head, between(rng, 0.03, 0.1))
     elif lift:
-        parts += _arms(rng, width, depth, seat, 0.5)
+        parts += plain_arms(rng, width, depth, seat, 0.5)
     return parts
 
 
@@ -292,7 +171,7 @@ def bent_chair(rng: np.random.Generator) -> list[Part]:
             parts.append(box((bar, head + 0.002, bar), (s * x, head / 2, b * z), "leg"))
     if happens(rng, 0.6) and kind != "cross":
         parts.append(box((width, bar, bar), (0, bar / 2, -z), "runner"))
-    return parts + _back(rng, width, depth, seat, between(rng, 0.3, 0.7)) + _arms(rng, width, depth, seat)
+    return parts + plain_back(rng, width, depth, seat, between(rng, 0.3, 0.7)) + plain_arms(rng, width, depth, seat)
 
 
 COARSE_CHAIRS: dict[str, Family] = {

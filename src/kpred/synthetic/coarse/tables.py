@@ -12,7 +12,7 @@ import numpy as np
 from kpred.synthetic.cabinet.fronts import Opening
 from kpred.synthetic.chance import between, happens, pick, whole
 from kpred.synthetic.coarse.cabinets import leaves
-from kpred.synthetic.parts import Part, beam, box, frustum
+from kpred.synthetic.parts import Part, beam, box, splayed_legs
 
 Family = Callable[[np.random.Generator], list[Part]]
 
@@ -65,12 +65,7 @@ def _corner_posts(
     x, z = (width - size) / 2 - inset, (depth - deep) / 2 - inset
     out = 0.0 if straight else pick(rng, (0.0, 0.0, between(rng, -0.1, 0.15))) * head
     taper = 1.0 if straight else pick(rng, (1.0, 1.0, between(rng, 0.4, 1.2)))
-    foot = (size * taper, deep * taper)
-    return [
-        frustum(foot, (size, deep), (a * (x + out), 0, b * (z + out)), (a * x, head + 0.002, b * z), "leg")
-        for a in (-1, 1)
-        for b in (-1, 1)
-    ]
+    return splayed_legs((x, z), out, (size * taper, deep * taper), (size, deep), head + 0.002)
 
 
 def post_table(rng: np.random.Generator) -> list[Part]:
