@@ -15,6 +15,9 @@ import pytest  # noqa: E402
 import torch  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 
+from kpred.nn import Model, ModelConfig  # noqa: E402
+from kpred.training.run import new_network  # noqa: E402
+
 settings.register_profile(
     "kpred", deadline=None, derandomize=True, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -41,6 +44,16 @@ def generator(seed: int) -> torch.Generator:
 @pytest.fixture
 def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
+
+
+@pytest.fixture(scope="session")
+def untrained() -> Model:
+    """Small untrained networks for chairs and tables."""
+    networks = {}
+    for category in ("chair", "table"):
+        config = ModelConfig(category=category, width=16, token_size=8, region_points=16, stages=1)
+        networks[category] = new_network(config, seed=0).eval().requires_grad_(False)
+    return Model("untrained", networks)
 
 
 @pytest.fixture(scope="session")

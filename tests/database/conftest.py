@@ -6,6 +6,7 @@ import secrets
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import torch
 
+from kpred.database import Database
 from kpred.database.entry import Entry
 from kpred.ops.frames import Frame
 from kpred.shapes.mesh import Mesh
@@ -149,3 +151,17 @@ def _random_entry() -> Callable[..., Entry]:
 @pytest.fixture(name="assert_same", scope="session")
 def _assert_same() -> Callable[[Entry, Entry], None]:
     return assert_same
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where a test's database lies."""
+    return tmp_path / "models.kpred"
+
+
+@pytest.fixture
+def filled(path: Path, random_entry: Callable[..., Entry]) -> Path:
+    """A closed file of six chairs."""
+    with Database.create(path) as database:
+        database.add([random_entry(f"chair-{i}") for i in range(6)], model_name="tiny")
+    return path

@@ -11,19 +11,6 @@ from kpred.database.arrays import pack_array
 from kpred.errors import DatabaseError
 
 
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "models.kpred"
-
-
-@pytest.fixture
-def filled(path, random_entry):
-    """A closed file of six chairs."""
-    with Database.create(path) as database:
-        database.add([random_entry(f"chair-{i}") for i in range(6)], model_name="tiny")
-    return path
-
-
 @pytest.mark.parametrize("content", [b"", b"solid cube", bytes(5000), b"SQLite format 3\0", b"SQLite format 3\0" * 500])
 def test_files_that_are_no_database(path, content):
     path.write_bytes(content)

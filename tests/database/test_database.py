@@ -21,17 +21,11 @@ from kpred.nn import KPRed, Model, ModelConfig
 
 
 @pytest.fixture
-def path(tmp_path):
-    return tmp_path / "models.kpred"
-
-
-@pytest.fixture
-def filled(path, random_entry):
+def filled(filled, random_entry):
     """A closed file of six chairs and two tables."""
-    with Database.create(path) as database:
-        database.add([random_entry(f"chair-{i}") for i in range(6)], model_name="tiny")
+    with Database.open(filled) as database:
         database.add([random_entry(f"table-{i}", "table", fingerprint="weights-t") for i in range(2)])
-    return path
+    return filled
 
 
 def only_file(path):

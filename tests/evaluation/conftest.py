@@ -9,10 +9,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from kpred.nn import Model, ModelConfig
+from kpred.nn import Model
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate
-from kpred.training.run import new_network
 
 
 def make_pack(category: str, path: Path, seed: int = 0) -> Path:
@@ -31,12 +30,8 @@ def packs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="session")
-def model() -> Model:
-    networks = {}
-    for category in ("chair", "table"):
-        config = ModelConfig(category=category, width=16, token_size=8, region_points=16, stages=1)
-        networks[category] = new_network(config, seed=0).eval().requires_grad_(False)
-    return Model("untrained", networks)
+def model(untrained: Model) -> Model:
+    return untrained
 
 
 @pytest.fixture(scope="session")

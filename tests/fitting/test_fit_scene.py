@@ -32,13 +32,8 @@ TO_Z_UP = Rotation.from_euler("x", 90, degrees=True)
 
 
 @pytest.fixture(scope="session")
-def model() -> Model:
-    """Untrained networks for chairs and tables."""
-    networks = {}
-    for category in ("chair", "table"):
-        config = ModelConfig(category=category, width=16, token_size=8, region_points=16, stages=1)
-        networks[category] = new_network(config, seed=0).eval().requires_grad_(False)
-    return Model("untrained", networks)
+def model(untrained: Model) -> Model:
+    return untrained
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,8 @@ from kpred.synthetic.organic import bumpy_ball, capsule, ellipsoid, leaf, ring, 
 from kpred.synthetic.others.others import generate_others
 from kpred.synthetic.part import Part, rotation_matrix
 from kpred.synthetic.parts import ellipse
+
+Volume, Closed = Callable[[Part], float], Callable[[Part], bool]
 
 NAMES = list(FAMILIES["other"])
 PRIMITIVES = {
@@ -26,25 +30,13 @@ PRIMITIVES = {
 }
 
 
-def volume(part: Part) -> float:
-    corners = part.vertices[part.faces] - part.vertices.mean(axis=0)
-    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
-
-
-def is_closed(part: Part) -> bool:
-    """Each edge is used once in each direction."""
-    edges = [tuple(edge) for face in part.faces for edge in (face[[0, 1]], face[[1, 2]], face[[2, 0]])]
-    used = set(edges)
-    return len(used) == len(edges) and all((b, a) in used for a, b in used)
-
-
 @pytest.mark.parametrize("name", PRIMITIVES)
-def test_primitives_are_closed_and_wound_outward(name: str) -> None:
+def test_primitives_are_closed_and_wound_outward(name: str, volume: Volume, is_closed: Closed) -> None:
     assert is_closed(PRIMITIVES[name])
     assert volume(PRIMITIVES[name]) > 0.0
 
 
-def test_primitives_have_the_volumes_of_the_solids() -> None:
+def test_primitives_have_the_volumes_of_the_solids(volume: Volume) -> None:
     fine = ellipsoid((0.3, 0.1, 0.2), (1, 2, 3), "a", sides=80, rings=60)
     assert volume(fine) == pytest.approx(4.0 / 3.0 * np.pi * 0.3 * 0.1 * 0.2, rel=0.01)
     tyre = ring(0.3, 0.05, (0, 0, 0), "a", sides=96)
@@ -56,7 +48,7 @@ def test_primitives_have_the_volumes_of_the_solids() -> None:
 
 
 @pytest.mark.parametrize("family", NAMES)
-def test_every_family_builds_sound_parts(family: str) -> None:
+def test_every_family_builds_sound_parts(family: str, volume: Volume, is_closed: Closed) -> None:
     for seed in range(6):
         for part in build("other", family, seed):
             assert np.isfinite(part.vertices).all()

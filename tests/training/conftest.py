@@ -1,12 +1,14 @@
 """A pack and settings so small that a whole training takes a second."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
+from kpred.errors import CheckpointError
 from kpred.nn import KPRed, ModelConfig
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate
@@ -72,3 +74,29 @@ def network() -> KPRed:
 def change():
     """A copy of a config with single settings changed."""
     return dataclasses.replace
+
+
+class Stopped(Exception):
+    """Raised by a report in the middle of a training."""
+
+
+@pytest.fixture
+def resume(tmp_path: Path) -> Callable[[Callable[..., torch.nn.Module], Any], None]:
+    """Check that a training of five steps, stopped after three and continued, ends as an uninterrupted one."""
+
+    def check(train: Callable[..., torch.nn.Module], config: Any) -> None:
+        whole = train(config, tmp_path / "whole")
+
+        def stop(_stage: str, done: int, _total: int, _losses: dict[str, float]) -> None:
+            if done == 3:
+                raise Stopped
+
+        with pytest.raises(Stopped):
+            train(config, tmp_path / "cut", report=stop)
+        resumed = train(config, tmp_path / "cut")
+        pairs = zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True)
+        assert all(torch.equal(a, b) for a, b in pairs)
+        with pytest.raises(CheckpointError, match="other settings"):
+            train(dataclasses.replace(config, noise=0.5), tmp_path / "cut")
+
+    return check

@@ -3,12 +3,14 @@
 import dataclasses
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
-from kpred.errors import CheckpointError, ConfigError, PackError
+from kpred.errors import ConfigError, PackError
 from kpred.nn import Recognizer, RecognizerConfig, load_recognizer
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate
@@ -19,10 +21,6 @@ from kpred.training.recognition_data import RecognitionData, prepare_recognition
 
 SMALL = RecognizerConfig(width=16, blocks=1)
 CONFIG = RecognitionConfig(optimisation=StageConfig(steps=5, batch=8), points=64, checkpoint_every=2)
-
-
-class Stopped(Exception):
-    pass
 
 
 @pytest.fixture(scope="module")
@@ -83,21 +81,11 @@ def test_a_batch_teaches_right_turns_as_right_and_wrong_ones_as_none(data: Recog
     assert (off <= RIGHT).any() and (off >= WRONG).any() and not teaches[off > 0.5].any()
 
 
-def test_resumed_equals_uninterrupted(packs: list[MeshPack], tmp_path: Path) -> None:
-    whole = train_recognizer(packs, CONFIG, tmp_path / "whole", model=SMALL)
+def test_resumed_equals_uninterrupted(packs: list[MeshPack], resume: Callable[..., None]) -> None:
+    def train(config: Any, folder: Path, **options: Any) -> torch.nn.Module:
+        return train_recognizer(packs, config, folder, model=SMALL, **options)
 
-    def stop(_stage: str, done: int, _total: int, _losses: dict[str, float]) -> None:
-        if done == 3:
-            raise Stopped
-
-    with pytest.raises(Stopped):
-        train_recognizer(packs, CONFIG, tmp_path / "cut", report=stop, model=SMALL)
-    resumed = train_recognizer(packs, CONFIG, tmp_path / "cut", model=SMALL)
-    assert all(
-        torch.equal(a, b) for a, b in zip(whole.state_dict().values(), resumed.state_dict().values(), strict=True)
-    )
-    with pytest.raises(CheckpointError, match="other settings"):
-        train_recognizer(packs, dataclasses.replace(CONFIG, noise=0.5), tmp_path / "cut", model=SMALL)
+    resume(train, CONFIG)
 
 
 def test_weights_and_record_lie_in_the_model_folder(packs: list[MeshPack], tmp_path: Path) -> None:
