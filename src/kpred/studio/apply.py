@@ -9,7 +9,6 @@ import numpy as np
 
 from kpred.errors import ConfigError, ScanError
 from kpred.fitting.defaults import shared_categories
-from kpred.fitting.pipeline import Timer, run_fit
 from kpred.ops.rotations import yaw_rotation
 from kpred.pose.estimators import GivenPose
 from kpred.shapes.scan import MINIMUM_POINTS
@@ -31,7 +30,7 @@ from kpred.studio.gestures import (
     SetSize,
     Turn,
 )
-from kpred.studio.state import State
+from kpred.studio.state import State, run_alone
 
 REACH = 1.3
 """Points of the scan farther from the middle of the object's unit box than this are not the object's."""
@@ -110,7 +109,7 @@ def _model(gesture: ChooseModel, state: State) -> State:
     else:
         pose = GivenPose(state.searched.frame.rotation)
     options = replace(state.options, model_id=gesture.model_id, pose=None if state.options.known else pose)
-    return state.with_fit(run_fit(state.points, context, options, Timer()))
+    return state.with_fit(run_alone(state.points, context, options))
 
 
 @apply.register

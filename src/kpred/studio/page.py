@@ -43,7 +43,7 @@ class Page:
             steps.on_click(lambda _: self._step(steps.value))
             tabs = gui.add_tab_group()
             with tabs.add_tab("Fit"):
-                self._fit = FitControls(self)
+                self.fit = FitControls(self)
             with tabs.add_tab("Shape"):
                 self.shape = ShapeControls(self)
             with tabs.add_tab("Save"):
@@ -70,6 +70,9 @@ class Page:
                 self.fail(str(error))
                 self.refresh(keep_message=True)
                 return
+            except Exception as error:
+                self.fail(f"An error of kpred itself ({type(error).__name__}); the terminal shows it. Try another way.")
+                raise
             self.refresh()
 
     def fail(self, sentence: str) -> None:
@@ -95,7 +98,7 @@ class Page:
             if not keep_message:
                 self._message.content = ""
             self._facts.content = self._described(state, deviations)
-            self._fit.refresh(state)
+            self.fit.refresh(state)
             self.shape.refresh(state)
             axis, part = self.shape.axis, self.shape.part
             self.view.show(state, deviations, self.keypoint, axis, part if part != WHOLE else -1)
@@ -112,7 +115,7 @@ class Page:
 
     def crop(self) -> None:
         """Keep the points inside of the box that is shown."""
-        box = self._fit.box
+        box = self.fit.box
         if box is None:
             self.fail("Show the box first, and drag its two corners.")
             return
@@ -137,7 +140,8 @@ class Page:
             self._drag.move(Motion(self.keypoint, outside, self.shape.mirror, self.shape.axis))
 
     def _follow(self, state: State, shape: Shape) -> None:
-        self.view.follow(state, shape)
+        with self._turn:
+            self.view.follow(state, shape)
         self.client.flush()
 
     def _dropped(self, state: State) -> None:

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 NONE = "none"
 ANY = "any"
 WHOLE_NAME = "whole object"
+ROUNDED = 0.0051
+"""Sizes are shown to so many centimetres; a smaller difference was not typed."""
+
 SIDES: dict[str, Axis] = {"Width, cm": "x", "Height, cm": "y", "Depth, cm": "z"}
 AXES = {"x (width)": "x", "y (height)": "y", "z (depth)": "z"}
 
@@ -102,11 +105,11 @@ class ShapeControls:
         """Set each side that was typed over; the others follow."""
         state, part = self._page.state, self.part
         centimetre = state.fit.unit.metres * 100.0
-        shown = state.part_sizes(part) * centimetre
-        for (name, axis), now in zip(SIDES.items(), shown, strict=True):
-            typed = float(self._sizes[name].value)
-            if abs(typed - float(now)) > 0.0051:
-                self._page.do(SetSize(part, axis, typed / centimetre))
+        # Before the first is set: after it, the page shows sizes anew.
+        typed = {axis: float(self._sizes[name].value) for name, axis in SIDES.items()}
+        for (axis, length), now in zip(typed.items(), state.part_sizes(part) * centimetre, strict=True):
+            if abs(length - float(now)) > ROUNDED:
+                self._page.do(SetSize(part, axis, length / centimetre))
 
     def _by_hand(self, action: Any) -> Any:
         """Make a callback that leaves out values which the page itself sets: those come without a client."""

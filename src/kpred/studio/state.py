@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
@@ -15,6 +16,18 @@ from kpred.fitting.stages import Context
 from kpred.ops.typing import Float
 from kpred.studio.editable import corrected_fit, editable_shape, mirror_pairs
 from kpred.studio.shape import Held, Place, Shape
+
+_fitting = Lock()
+
+
+def run_alone(points: Float[np.ndarray, "points 3"], context: Context, options: FitOptions) -> Fit:
+    """Fit a scan; the fits of several sessions take turns, each with all threads.
+
+    Raises:
+        KpredError: it cannot be fitted; the sentence says why.
+    """
+    with _fitting:
+        return run_fit(points, context, options, Timer())
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +58,7 @@ class State:
         Raises:
             KpredError: it cannot be fitted; the sentence says why.
         """
-        fit = run_fit(points, context, options, Timer())
+        fit = run_alone(points, context, options)
         return cls(points, context, options, fit, fit, editable_shape(fit, options.structure))
 
     def fitted(self, context: Context, options: FitOptions, points: np.ndarray | None = None) -> State:
