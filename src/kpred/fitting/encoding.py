@@ -13,6 +13,10 @@ from kpred.nn import KPRed
 from kpred.nn.keypoints import thinned
 
 
+KEYPOINT_STEPS = 2.0**16
+"""Steps of a unit length that keypoints of a scan are rounded to."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScanEncoding:
     """H hypotheses of one scan, unit-box coordinates.
@@ -37,16 +41,21 @@ def encode_scan(points: Tensor, network: KPRed, partial: bool) -> ScanEncoding:
     few = thinned(points)
     with torch.inference_mode():
         if partial:
-            keypoints = network.partial_keypoints(few)
+            keypoints = _rounded(network.partial_keypoints(few))
             tokens = network.partial_retrieval_tokens(points, keypoints)
         else:
-            keypoints = network.keypoints(few)
+            keypoints = _rounded(network.keypoints(few))
             tokens = network.retrieval_tokens(points, keypoints)
         confidence = network.confidence(points, keypoints)
     weights = confidence if partial else torch.ones_like(confidence)
     # Nothing seen anywhere: every region counts the same.
     weights = torch.where(weights.sum(1, keepdim=True) > 0, weights, torch.ones_like(weights))
     return ScanEncoding(points, keypoints, tokens, confidence, weights)
+
+
+def _rounded(keypoints: Tensor) -> Tensor:
+    """Round keypoints: their last bits depend on the number of threads, and a result may not."""
+    return torch.round(keypoints * KEYPOINT_STEPS) / KEYPOINT_STEPS
 
 
 class EncodedAhead(KPRed):

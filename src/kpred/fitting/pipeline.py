@@ -13,10 +13,11 @@ import numpy as np
 
 from kpred.database import Database
 from kpred.fitting.assessment import assess
-from kpred.fitting.deform import Deform, deform_candidates
+from kpred.fitting.deform import Deform
 from kpred.fitting.options import FitOptions, sensor_positions
 from kpred.fitting.placed import place
 from kpred.fitting.raw_scan import is_room, read_raw_scan
+from kpred.fitting.readings import deform_readings
 from kpred.fitting.result import Fit, build_fit
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.source import FitSource
@@ -129,8 +130,9 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
     with timer("align"):
         aligned = align(tried, context, options)
     with timer("deform"):
-        deformed = deform_candidates(
+        deformed = deform_readings(
             aligned.best.candidates,
+            aligned.whole,
             aligned.visibility,
             options.deform,
             refinement=options.refinement,

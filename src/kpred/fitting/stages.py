@@ -17,7 +17,7 @@ from kpred.fitting.floor_contact import is_truncated
 from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, initial_frame
 from kpred.fitting.options import FitOptions
 from kpred.fitting.raw_scan import RawScan, without_strays
-from kpred.fitting.visibility import Visibility, all_seen, lacks_parts, predicted
+from kpred.fitting.visibility import Visibility, all_seen, fills_unit_box, lacks_parts, predicted
 from kpred.nn import Model
 from kpred.ops.rotations import yaw_rotation
 from kpred.pose.proposals import check_known_frame, generate_poses, score_poses, up_axis
@@ -87,11 +87,13 @@ class Tried:
     Attributes:
         best: the hypothesis that is deformed; every: all of them, the likeliest first.
         visibility: of places in the best one's unit box.
+        whole: candidates retrieved as for a whole scan, where it is expected to lack parts and may yet be whole.
     """
 
     best: Hypothesis
     every: tuple[Hypothesis, ...]
     visibility: Visibility
+    whole: Candidates | None = None
 
     def floor(self, scan: CleanScan, options: FitOptions) -> float | None:
         """Height of the floor in the best hypothesis' unit box; None where it is not known."""
@@ -164,7 +166,8 @@ def try_poses(scan: CleanScan, readings: Sequence[PoseHypothesis], context: Cont
     if options.sensors is not None:
         sensors = torch.from_numpy(best.frame.to_unit(options.sensors)).float()
         best = replace(best, candidates=replace(best.candidates, sensors=sensors))
-    return Tried(best, tuple(tried), _visibility(best.candidates, context, options))
+    whole = _as_whole(scan, readings, search, best) if _may_be_whole(best.candidates, options) else None
+    return Tried(best, tuple(tried), _visibility(best.candidates, context, options), whole)
 
 
 def align(tried: Tried, context: Context, options: FitOptions) -> Tried:
@@ -190,6 +193,18 @@ def _lacks_parts(scan: CleanScan, reading: PoseHypothesis, context: Context, opt
     frame = initial_frame(scan.points, reading, options.known)
     cloud = torch.from_numpy(frame.to_unit(scan.points)).float()
     return lacks_parts(cloud, context.model, reading.category, options.known)
+
+
+def _may_be_whole(candidates: Candidates, options: FitOptions) -> bool:
+    """Whether a scan that is expected to lack parts reaches as far as its whole object, which is known alone there."""
+    undecided = candidates.partial and options.partial is None and options.known and options.model_id is None
+    return undecided and options.deform != "paper" and fills_unit_box(candidates.target)
+
+
+def _as_whole(scan: CleanScan, readings: Sequence[PoseHypothesis], search: Search, best: Hypothesis) -> Candidates:
+    """Retrieve the candidates of the best hypothesis' category as for a whole scan; the frame is known."""
+    same = [reading for reading in readings if reading.category == best.category]
+    return hypotheses(scan.points, same[:1], search, partial=False)[0].candidates
 
 
 def _visibility(candidates: Candidates, context: Context, options: FitOptions) -> Visibility:

@@ -18,6 +18,9 @@ from kpred.ops.typing import Float
 GRID_SIZE = 9
 """Nodes along each axis of the grid that visibility is computed at."""
 
+GRID_STEPS = np.float32(1024)
+"""Steps from 0 to 1 that predictions are rounded to."""
+
 REACH = 1.2
 """The grid covers so much of the unit box around its middle."""
 
@@ -42,6 +45,10 @@ WHOLE_BOX, WHOLE_KNOWN_BOX = 0.85, 0.72
 
 Where the box of the whole object is known, less is lost by taking a scan for whole.
 """
+
+
+FILLED = 0.08
+"""A scan in the unit box of its whole object is whole only if no end of it is farther than this from the box's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +89,8 @@ def predicted(candidates: Candidates, model: Model) -> Visibility:
 def predict_grid(scan: Float[Tensor, "scan 3"], network: VisibilityNetwork) -> Visibility:
     """Predict the visibility around a scan in its unit box (y up, front +z)."""
     reach = torch.full((3,), REACH)
-    return Visibility(network.grid(scan, GRID_SIZE, -reach, reach).numpy())
+    # The last bits of a prediction depend on the number of threads; a result may not.
+    return Visibility(np.round(network.grid(scan, GRID_SIZE, -reach, reach).numpy() * GRID_STEPS) / GRID_STEPS)
 
 
 def spread_confidence(keypoints: Float[Tensor, "keypoints 3"], confidence: Float[Tensor, " keypoints"]) -> Visibility:
@@ -93,12 +101,21 @@ def spread_confidence(keypoints: Float[Tensor, "keypoints 3"], confidence: Float
     return Visibility(seen.view(GRID_SIZE, GRID_SIZE, GRID_SIZE).numpy())
 
 
+def fills_unit_box(scan: Float[Tensor, "scan 3"]) -> bool:
+    """Check whether a scan spans the unit box along one axis and is centred in it along all, as a whole object is."""
+    low, high = scan.amin(0), scan.amax(0)
+    off_centre, short = (low + high).abs().max() / 2, 2 - (high - low).max()
+    return float(off_centre) < FILLED and float(short) < FILLED
+
+
 def lacks_parts(scan: Float[Tensor, "scan 3"], model: Model, category: str, known: bool) -> bool:
     """Decide whether a scan lacks parts of its object, so that networks for partial scans should encode it.
 
     Args:
         scan: in the unit box of what is seen, or of the whole where that is `known`; y up, front +z.
     """
+    if known and not fills_unit_box(scan):
+        return True
     least = WHOLE_KNOWN_BOX if known else WHOLE_BOX
     low, high = np.quantile(scan.numpy(), [0.01, 0.99], axis=0)
     if (high - low).min() < MIN_SIDE * (high - low).max():

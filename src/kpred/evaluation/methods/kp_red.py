@@ -24,11 +24,13 @@ from kpred.evaluation.methods.method import FEED_FORWARD, REFINED, Prediction, Q
 from kpred.evaluation.methods.no_learning import best_of_all, lowest_error
 from kpred.evaluation.methods.sources import Sources
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.deform import Deform, deform_candidates
+from kpred.fitting.deform import Deform
 from kpred.fitting.explanation import Deformation, ModelPoints
 from kpred.fitting.options import FitOptions
+from kpred.fitting.readings import deform_readings
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
+from kpred.fitting.visibility import Visibility
 from kpred.nn import Model
 from kpred.pose.recognition import PoseHypothesis
 from kpred.refinement.config import RefineConfig
@@ -94,21 +96,28 @@ class _Searcher:
         candidates = found.best.candidates
         for k in query.top_k:
             first = candidates.take(torch.arange(min(k, len(candidates.points))))
+            whole = None if found.whole is None else found.whole.take(torch.arange(min(k, len(found.whole.points))))
             for method, deform in rows.items():
-                yield self._fit(method, first, found, deform, k, k == max(query.top_k))
+                yield self._fit(method, (first, whole), found.visibility, deform, k, k == max(query.top_k))
 
     def _fit(
-        self, method: str, candidates: Candidates, found: Tried, deform: Deform, top_k: int, clean: bool
+        self,
+        method: str,
+        readings: tuple[Candidates, Candidates | None],
+        visibility: Visibility,
+        deform: Deform,
+        top_k: int,
+        clean: bool,
     ) -> Prediction:
-        deformed = deform_candidates(
-            candidates,
-            found.visibility,
+        deformed = deform_readings(
+            *readings,
+            visibility,
             deform,
             refinement=self.settings.refinement,
             structure=self.settings.structure,
         )
         row = rank_candidates(deformed)[0]
-        name, result = candidates.model_ids[row], deformed.explanations[row]
+        name, result = deformed.candidates.model_ids[row], deformed.explanations[row]
         cleanliness = self._cleanliness(name, result.deformation) if clean else None
         return Prediction(method, top_k, name, torch.from_numpy(result.points), cleanliness=cleanliness)
 
