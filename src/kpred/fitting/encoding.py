@@ -12,7 +12,6 @@ from torch import Tensor
 from kpred.nn import KPRed
 from kpred.nn.keypoints import thinned
 
-
 KEYPOINT_STEPS = 2.0**16
 """Steps of a unit length that keypoints of a scan are rounded to."""
 
