@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from kpred.fitting.candidates import Candidates
-from kpred.fitting.deform import Deform, Deformed, deform_candidates
+from kpred.fitting.deform import Deform, deform_candidates
+from kpred.fitting.explanation import Deformed
 from kpred.fitting.visibility import Visibility, all_seen
 
 WHOLE_GAIN = 1.0
