@@ -9,6 +9,7 @@ import torch
 
 from kpred.fitting.confidence import Evidence, category_probabilities, confidence, evidence_of
 from kpred.fitting.explanation import Deformed
+from kpred.fitting.joint_gaps import joint_factor, joint_gap
 from kpred.fitting.placed import Placed
 from kpred.fitting.stages import CleanScan, Context, Tried
 from kpred.fitting.warnings import floor_gap, warnings_of
@@ -38,11 +39,12 @@ def assess(deformed: Deformed, placed: Placed, tried: Tried, scan: CleanScan, co
         tried.every,
         context.model.recognizer is not None,
     )
-    sure = confidence(evidence, context.model.calibration)
+    parted = joint_gap(explanation)
+    sure = confidence(evidence, context.model.calibration) * joint_factor(parted)
     of_categories = category_probabilities(tried.every)
     frame = tried.best.frame
     floor = None if scan.floor is None else (scan.floor - float((frame.rotation @ frame.center)[1])) / frame.scale
     gap = floor_gap(frame.to_unit(np.asarray(placed.mesh.vertices)), floor)
     category = candidates.category
-    sentences = warnings_of(evidence, sure, category, of_categories, scan.steps, scan.size, explanation, gap)
+    sentences = warnings_of(evidence, sure, category, of_categories, scan.steps, scan.size, explanation, gap, parted)
     return Assessment(sure, of_categories, evidence, sentences)

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from kpred.fitting.deform import WHOLE
 from kpred.fitting.explanation import Deformed
+from kpred.fitting.joint_gaps import unbroken_first
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
 from kpred.refinement.free_space import free_space_errors
@@ -52,14 +53,14 @@ def rank_candidates(deformed: Deformed) -> list[int]:
     final = np.array([one.final for one in deformed.explanations])
     by_score = [int(row) for row in np.lexsort((scores, ~final))]
     if deformed.seen > WHOLE or final.sum() < 3:
-        return by_score
+        return unbroken_first(deformed, by_score)
     pool = [row for row in by_score if final[row]][:POOL]
     results = torch.from_numpy(np.stack([deformed.explanations[row].points for row in pool]))
     tokens = deformed.candidates.distances[pool]
     prior = -TOKEN_WEIGHT * (tokens / max(float(tokens.min()), 1e-12) - 1.0)
     risk = risks(results, torch.from_numpy(np.exp(scores[pool])).float(), torch.from_numpy(prior).float())
     first = [pool[int(place)] for place in risk.argsort(stable=True)]
-    return first + [row for row in by_score if row not in first]
+    return unbroken_first(deformed, first + [row for row in by_score if row not in first])
 
 
 def risks(

@@ -8,6 +8,7 @@ import numpy as np
 
 from kpred.fitting.confidence import Evidence
 from kpred.fitting.explanation import Explanation
+from kpred.fitting.joint_gaps import MAX_GAP
 from kpred.ops.typing import Float
 from kpred.preprocessing.clean import CleaningStep
 
@@ -39,6 +40,7 @@ def warnings_of(
     points: int,
     explanation: Explanation | None = None,
     floor_gap: float = 0.0,
+    joint_gap: float = 0.0,
 ) -> tuple[str, ...]:
     """List what a person should look at before the result is used; nothing if nothing speaks against it.
 
@@ -47,6 +49,7 @@ def warnings_of(
         cleaning: what cleaning removed of the scan's `points` points.
         explanation: how the model was changed; None where it is not known.
         floor_gap: how far the result ends above the floor (below: negative), as a fraction of its longest side.
+        joint_gap: between parts that touch in the model, as a fraction of the result's longest side.
     """
     doubts = _doubts(evidence, confidence, category, category_confidence)
     changes = [] if explanation is None else _changes(explanation)
@@ -59,6 +62,8 @@ def warnings_of(
     if abs(floor_gap) > MAX_FLOOR_GAP:
         where = "above" if floor_gap > 0 else "below"
         changes.append(f"The result ends {100 * abs(floor_gap):.0f} % of its size {where} the floor.")
+    if joint_gap > MAX_GAP:
+        changes.append(f"Parts that touch in the model are up to {100 * joint_gap:.0f} % of its size apart.")
     return (*doubts, *changes)
 
 

@@ -96,7 +96,7 @@ def measure_cleanliness(
     residuals = box_residuals(before, after, structure.vertex_parts, structure.axes, maps)
     shears = measure_shears(maps, structure.axes, extents)
     boxes = (structure.boxes - np.einsum("ckj,j->ck", structure.axes, low)[:, None]) / size
-    gaps = _contact_gaps(maps, (structure.contact_points - low) / size, structure.contact_parts, structure.axes, boxes)
+    gaps = contact_gaps(maps, (structure.contact_points - low) / size, structure.contact_parts, structure.axes, boxes)
     flat = np.asarray((extents <= MIN_EXTENT).any(axis=1))
     return Cleanliness(
         flatness=facets.flatness,
@@ -179,7 +179,7 @@ def _mirror_rms(vertices: np.ndarray, one: np.ndarray, other: np.ndarray) -> flo
     return float(np.sqrt((apart**2).sum(axis=1).mean()))
 
 
-def _contact_gaps(
+def contact_gaps(
     maps: PartMaps, points: np.ndarray, contacts: Int[np.ndarray, "contacts 2"], axes: np.ndarray, boxes: np.ndarray
 ) -> np.ndarray:
     """Measure the growth of the gap at each contact point between the deformed parts.
