@@ -16,7 +16,7 @@ from kpred.detection.selection import select_proposals
 from kpred.ops.rotations import upright_rotation
 from kpred.ops.typing import Float, Int
 
-MIN_SCORE = 0.45
+MIN_SCORE = 0.4
 """Least score of an object: probability of its category times the expected IoU with it."""
 
 MARGIN = 0.8

@@ -39,6 +39,11 @@ MIN_WALL_AREA = 1.2
 MAX_OUTSIDE = 0.04
 """Fraction of the room's voxels that may lie beyond an outer wall."""
 
+END, LOW_WALL = 0.01, (0.75, 0.5)
+"""A lower layer is a wall if no more than the first fraction of the room is beyond it, and if it has these fractions of
+the room's height and of its length.
+"""
+
 _ANGLES = 90
 _CELL = 0.1
 
@@ -194,13 +199,15 @@ def _is_wall(depth: np.ndarray, along: np.ndarray, height: np.ndarray, near: np.
     top = float(np.quantile(height[near], 0.97))
     cells = np.unique(np.floor(np.column_stack([along[near], height[near]]) / _CELL).astype(np.int64), axis=0)
     area = len(cells) * _CELL**2
-    if width < MIN_WALL_WIDTH or top < MIN_WALL_TOP or area < MIN_WALL_AREA:
-        return None
     beyond = [float((side * depth > WALL_TOLERANCE).mean()) for side in (1.0, -1.0)]
+    room_top = float(np.quantile(height, 0.99))
+    # A camera in the hand often sees no more than the lower half of the walls; they are the ends of the room then.
+    low_wall = min(beyond) < END and top > LOW_WALL[0] * room_top and width > LOW_WALL[1] * float(np.ptp(along))
+    if width < MIN_WALL_WIDTH or area < MIN_WALL_AREA or (top < MIN_WALL_TOP and not low_wall):
+        return None
     if min(beyond) <= MAX_OUTSIDE:
         # The front of a wardrobe has the room's wall beside it, a hand's breadth to an arm's length behind.
         return 1.0 if beyond[0] <= beyond[1] else -1.0
-    room_top = float(np.quantile(height, 0.99))
     is_partition = width > 2.0 and top > 0.85 * room_top and area > 3.0
     return 0.0 if is_partition else None
 
