@@ -78,25 +78,34 @@ def inner_ends(
     )
 
 
-def contact_weights(
+def contact_weights(structure: Structure, config: StructureConfig) -> Float[np.ndarray, "contacts 3"]:
+    """Weigh each contact point's gap along each axis: large across the contact, small along it."""
+    return np.repeat(np.where(_across(structure), config.contact, config.sliding), 2, axis=0)
+
+
+def joint_weights(
     structure: Structure,
     half: Float[np.ndarray, "parts 3"],
     lean_axis: Int[np.ndarray, "parts 3"],
     config: StructureConfig,
 ) -> Float[np.ndarray, "contacts 3"]:
-    """Weigh each contact point's gap along each axis: large across the contact, small along it.
+    """Weigh the gap in the middle of each contact along each axis, for parts that are pinned there; 0 for others.
 
-    Along a contact, small parts and parts that both lean hold as firmly as `config.joint` says: a caster stays on its
-    leg, and the bars of a leaning back stay in its frame.
+    Small parts and parts that both lean are pinned: a caster stays on its leg, and the bars of a leaning back stay in
+    its frame. They may still turn about the pin.
     """
-    side = np.abs(structure.contact_points[1::2] - structure.contact_points[::2])
-    across = (side <= side.min(axis=1, keepdims=True) + 1e-9) | (side < ACROSS)
     small = 2 * half.max(axis=1) < SMALL
     lean = leaning(structure, lean_axis)
     first, second = structure.contact_parts[::2].T
-    jointed = (small[first] | small[second])[:, None] | (lean[first] & lean[second])
-    along = np.where(jointed, config.joint, config.sliding)
-    return np.repeat(np.where(across, config.contact, along), 2, axis=0)
+    pinned = (small[first] | small[second])[:, None] | (lean[first] & lean[second])
+    return np.where(pinned & ~_across(structure), config.joint, 0.0)
+
+
+def _across(structure: Structure) -> Bool[np.ndarray, "contacts 3"]:
+    """Mark axes across which two parts touch: those along which their contact is thin."""
+    side = np.abs(structure.contact_points[1::2] - structure.contact_points[::2])
+    found: np.ndarray = (side <= side.min(axis=1, keepdims=True) + 1e-9) | (side < ACROSS)
+    return found
 
 
 def leaning(structure: Structure, lean_axis: Int[np.ndarray, "parts 3"]) -> Bool[np.ndarray, "parts 3"]:

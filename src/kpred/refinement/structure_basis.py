@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kpred.ops.typing import Float, Int
-from kpred.refinement.joints import InnerEnds, contact_weights, inner_ends
+from kpred.refinement.joints import InnerEnds, contact_weights, inner_ends, joint_weights
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.structure import Structure
 
@@ -195,8 +195,11 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
     if len(structure.contact_points):
         rows = [basis.rows(structure.contact_points, structure.contact_parts[:, side])[axis] for side in (0, 1)]
         gap = rows[0] - rows[1]
-        weight = contact_weights(structure, basis.half, basis.lean_axis, config)[:, axis]
+        weight = contact_weights(structure, config)[:, axis]
         stiff += gap.T @ (weight[:, None] * gap)
+        middle = (gap[::2] + gap[1::2]) / 2
+        pin = joint_weights(structure, basis.half, basis.lean_axis, config)[:, axis]
+        stiff += middle.T @ (pin[:, None] * middle)
     feet = np.flatnonzero(basis.standing)
     if axis == 1 and len(feet) > 1:
         soles = basis.rows((basis.middle - basis.half)[feet], feet)[1]

@@ -18,8 +18,8 @@ class StructureConfig:
         smoothness: weight of second differences of the spline's controls; ridge: of the controls themselves.
         part_ridge: weight of a part's own motion and growth; growth_ridge: of its growth relative to its own size;
             bend_ridge: of the bend of a part that is bent already.
-        contact: weight of a gap that opens across a contact; sliding: of parts that slide along it; joint: of parts
-            that slide where one is small or both lean; flush: of a step between ends of touching parts that are flush.
+        contact: weight of a gap that opens across a contact; sliding: of parts that slide along it; joint: of the
+            middle of a contact where one part is small or both lean; flush: of a step between ends that are flush.
         lean_gain: fall of the mean squared distance, unit box, from which a part may lean.
         thickness: weight of the growth of boards seen from one side.
         unseen: weight of the pull of unseen surface toward where the search begins.
