@@ -11,6 +11,7 @@ import kpred
 from kpred.errors import ConfigError, DatabaseError, ModelError, ScanError
 from kpred.fitting import Fit, bundled_database_path
 from kpred.fitting.deform import WHOLE
+from kpred.fitting.joint_gaps import WORSE
 from kpred.ops import chamfer_distance, sample_surface, unit_box_frame
 from kpred.ops.closest_point import closest_points
 from kpred.ops.nearest import nearest_reference
@@ -115,7 +116,9 @@ def test_the_category_is_found_and_the_simplest_good_candidate_is_first(category
         assert [found.final for found in fit.candidates] == [True] * len(final) + [False] * (10 - len(final))
         scores = [found.score for found in final]
         if fit.seen > WHOLE:
-            assert scores == sorted(scores)
+            # A better one whose parts came apart gives way to the result.
+            assert scores[1:] == sorted(scores[1:])
+            assert scores[0] < min(scores) + WORSE
         assert fit.source.score < min(scores) + 1.0
     assert right >= 5
 
@@ -165,12 +168,14 @@ def test_the_record_is_plain_json(chair: np.ndarray) -> None:
 
 def test_result_lies_near_the_scan_in_its_own_units(chair: np.ndarray) -> None:
     fit = kpred.fit(chair, category="chair")
-    surface = torch.from_numpy(_sample(fit.mesh.vertices, fit.mesh.faces, 60_000))[None]
+    count = 60_000
+    surface = torch.from_numpy(_sample(fit.mesh.vertices, fit.mesh.faces, count))[None]
     squared, _ = nearest_reference(torch.from_numpy(chair[::4])[None], surface)
     stated = next(metric for metric in fit.metrics if metric.name == "mean_scan_to_result")
     assert stated.unit == "scan units"
-    # Of other points of the scan, and to the surface itself: samples of it are a little farther.
-    assert stated.value == pytest.approx(float(squared.sqrt().mean()), rel=0.2)
+    # Of other points of the scan, and to the surface itself: samples of it are farther, by less than their spacing.
+    sampled, apart = float(squared.sqrt().mean()), float(np.sqrt(fit.mesh.area / count))
+    assert 0.9 * stated.value < sampled < 1.1 * stated.value + apart
 
 
 @pytest.mark.slow
