@@ -114,7 +114,7 @@ class _Work:
         self.placements = _each(self._placements, len(self.points))
 
     def simple(self, row: int, step: Literal["none", "scale"]) -> Explanation:
-        """The undeformed model, in its own size or the size that fits, or in one size per axis."""
+        """Place the undeformed model, in its own size or the size that fits, or in one size per axis."""
         placed = self.placements[row]
         if step == "scale":
             return self._undeformed(row, step, placed.per_axis)
@@ -132,7 +132,7 @@ class _Work:
         return self._explanation(row, step, lambda model: placement(model.points), moved, placement)
 
     def smooth(self, step: Literal["free", "paper"], config: RefineConfig) -> list[Explanation]:
-        """All candidates as their keypoints deform them, refined or as the network puts them."""
+        """Deform all candidates by their keypoints, refined or as the network puts them."""
         moved = self.candidates if step == "paper" else self.candidates.refined(config)
         results, found = moved.deformed().numpy(), []
         for row, placed in enumerate(self.placements):
@@ -142,7 +142,7 @@ class _Work:
         return [replace(one, final=not bool(stop)) for one, stop in zip(found, stopped, strict=True)]
 
     def structured(self, simplest: bool) -> list[Explanation]:
-        """All candidates by the structure-keeping fit, the best ones to the end; or by less where that is enough."""
+        """Deform all candidates by the structure-keeping fit, the best to the end; or by less where that is enough."""
         count = len(self.points)
         undeformed: list[list[Explanation]] = [[] for _ in range(count)]
         if simplest:
@@ -164,7 +164,7 @@ class _Work:
         return found
 
     def _begin(self, row: int) -> np.ndarray:
-        """Where a model's points are first matched: the keypoints' place where parts are unseen, else its own shape."""
+        """Compute where a model's points are first matched: by keypoints if parts are unseen, else in its shape."""
         if self.visibility.grid is None or not self.candidates.partial:
             begun: np.ndarray = self.placements[row].per_axis(self.points[row]).astype(np.float32)
             return begun
@@ -205,7 +205,7 @@ class _Work:
         return self.models[row].spacing * float(extent @ extent) / max(float(before @ before), 1e-12)
 
     def _hidden(self, row: int) -> np.ndarray:
-        """How surely each point of a model, where the keypoints put it, was not seen."""
+        """Compute how surely each point of a model, where the keypoints put it, was not seen."""
         hidden: np.ndarray = 1.0 - self.visibility(self.start[row] + OUTSIDE * self.models[row].normals)
         return hidden
 

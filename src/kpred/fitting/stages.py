@@ -184,7 +184,7 @@ def align(tried: Tried, context: Context, options: FitOptions) -> Tried:
 
 
 def _lacks_parts(scan: CleanScan, reading: PoseHypothesis, context: Context, options: FitOptions) -> bool:
-    """Whether the networks for partial scans read this one: they do where anything is likely hidden."""
+    """Decide whether networks for partial scans encode this one: they do where anything is likely hidden."""
     if options.partial is not None:
         return options.partial
     floor = scan.floor
@@ -196,7 +196,7 @@ def _lacks_parts(scan: CleanScan, reading: PoseHypothesis, context: Context, opt
 
 
 def _may_be_whole(candidates: Candidates, options: FitOptions) -> bool:
-    """Whether a scan that is expected to lack parts reaches as far as its whole object, which is known alone there."""
+    """Check whether a scan that is expected to lack parts fills the known box of its whole object."""
     undecided = candidates.partial and options.partial is None and options.known and options.model_id is None
     return undecided and options.deform != "paper" and fills_unit_box(candidates.target)
 
@@ -214,7 +214,7 @@ def _visibility(candidates: Candidates, context: Context, options: FitOptions) -
 
 
 def _missing_yaw(candidates: Candidates, visibility: Visibility) -> float:
-    """The yaw (radians) by which the best of the first candidates, undeformed, lies closest to the scan."""
+    """Find the yaw (radians) by which the best of the first candidates, undeformed, lies closest to the scan."""
     goal = candidates.target.numpy()
     few = np.ascontiguousarray(goal[:: max(1, len(goal) // PLACED_POINTS)])
     apart = spacing(few)

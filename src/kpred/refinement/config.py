@@ -55,5 +55,5 @@ class RefineConfig:
         return self.finalists * 3 // 2 if partial else self.finalists
 
     def quick(self) -> RefineConfig:
-        """The few quick rounds, with half of the points, by which the finalists are found."""
+        """Reduce to the few rounds, with half of the points, by which the finalists are found."""
         return replace(self, iterations=3, points=max(1, self.points // 2))

@@ -21,13 +21,13 @@ MARGIN = 0.1
 PIXEL = 1.5
 """Width of a pixel against the median angle between a scan point and its nearest neighbour."""
 
-LEAST_SEEN = 2
+MIN_SEEN = 2
 """So many scan points in a pixel and its neighbours make it seen: one alone may be a stray."""
 
-MOST_PIXELS = 1024
+MAX_PIXELS = 1024
 """Pixels along a side of the picture."""
 
-WEIGHT, MOST_DEPTH = 0.3, 0.5
+WEIGHT, MAX_DEPTH = 0.3, 0.5
 """Of the mean squared depth of a result's points in seen-through space, and where it stops to grow, unit box: tuned on
 depth scans of sa_partnet's split `train`, where the whole surface's error falls by 1 to 5 %.
 """
@@ -41,7 +41,7 @@ class DepthPicture:
         sensor: (3,); axes: (3, 3) rows right, up and forward, forward to the middle of the scan.
         corner: (2,) least azimuth and elevation; pixel: width of a pixel; radians.
         depth: (H, W) least distance from the sensor of the scan points in a pixel and its eight neighbours; infinite
-            where fewer than `LEAST_SEEN` are there.
+            where fewer than `MIN_SEEN` are there.
     """
 
     sensor: Tensor
@@ -52,14 +52,14 @@ class DepthPicture:
 
     @classmethod
     def of(cls, scan: Float[Tensor, "scan 3"], sensor: Float[Tensor, "3"]) -> DepthPicture:
-        """The picture that a sensor has of a scan; both in one frame."""
+        """Render the depth picture that a sensor has of a scan; both in one frame."""
         axes = _axes(scan.mean(0) - sensor)
         angles, distance = _angles(scan, sensor, axes)
-        # Half of the points is asked for its nearest of the other half.
+        # The nearest of the other half of the points is found for one half.
         flat_angles = torch.nn.functional.pad(angles, (0, 1))
         squared, _ = nearest_neighbours(flat_angles[None, 1::2][:, :256], flat_angles[None, ::2])
         corner, extent = angles.amin(0), float((angles.amax(0) - angles.amin(0)).amax())
-        pixel = max(PIXEL * float(squared.median().sqrt()), extent / MOST_PIXELS, 1e-6)
+        pixel = max(PIXEL * float(squared.median().sqrt()), extent / MAX_PIXELS, 1e-6)
         column, row = ((angles - corner) / pixel).long().unbind(-1)
         height, width = int(row.max()) + 1, int(column.max()) + 1
         flat = row * width + column
@@ -68,10 +68,10 @@ class DepthPicture:
         pool = torch.nn.functional.max_pool2d
         nearest = -pool(-depth.view(1, 1, height, width), 3, stride=1, padding=1)[0, 0]
         around = torch.nn.functional.avg_pool2d(count.view(1, 1, height, width), 3, 1, 1, divisor_override=1)[0, 0]
-        return cls(sensor, axes, corner, pixel, torch.where(around >= LEAST_SEEN, nearest, torch.inf))
+        return cls(sensor, axes, corner, pixel, torch.where(around >= MIN_SEEN, nearest, torch.inf))
 
     def beyond(self, points: Float[Tensor, "*batch 3"]) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
-        """How much farther than each point the sensor saw around its direction (0 if not), and the point's distance."""
+        """Compute how much farther than each point the sensor saw in its direction, or 0, and the point's distance."""
         angles, distance = _angles(points, self.sensor, self.axes)
         place = torch.floor((angles - self.corner) / self.pixel).long()
         height, width = self.depth.shape
@@ -83,7 +83,7 @@ class DepthPicture:
 
 
 def depth_pictures(scan: Float[Tensor, "scan 3"], sensors: Float[Tensor, "sensors 3"]) -> list[DepthPicture]:
-    """One picture for every sensor that saw anything; a scan point was seen by the sensor nearest to it."""
+    """Render one depth picture a sensor; a scan point was seen by the sensor nearest to it."""
     owner = torch.cdist(scan, sensors).argmin(1)
     return [
         DepthPicture.of(scan[owner == row], sensor)
@@ -95,7 +95,7 @@ def depth_pictures(scan: Float[Tensor, "scan 3"], sensors: Float[Tensor, "sensor
 def seen_through(
     points: Float[Tensor, "candidates points 3"], scan: Float[Tensor, "scan 3"], sensors: Float[Tensor, "sensors 3"]
 ) -> Float[Tensor, "candidates points"]:
-    """How deep each point of a result lies in space that a sensor looked through; 0 where it may be.
+    """Compute how deep each point of a result lies in space that a sensor looked through; 0 where it may be.
 
     All in one frame, the unit box; the depth is along the ray, to the nearest that the sensor saw around it.
     """
@@ -108,12 +108,12 @@ def seen_through(
 def free_space_errors(
     points: Float[Tensor, "candidates points 3"], scan: Float[Tensor, "scan 3"], sensors: Float[Tensor, "sensors 3"]
 ) -> Float[Tensor, " candidates"]:
-    """What speaks against each result for filling seen-through space, to be added to its error; unit box squared."""
-    return WEIGHT * seen_through(points, scan, sensors).clamp(max=MOST_DEPTH).square().mean(1)
+    """Compute the error that each result has for filling seen-through space; unit box squared."""
+    return WEIGHT * seen_through(points, scan, sensors).clamp(max=MAX_DEPTH).square().mean(1)
 
 
 def _axes(forward: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
-    """Rows right, up and forward."""
+    """List the axes of a view as rows: right, up and forward."""
     forward = torch.nn.functional.normalize(forward, dim=0)
     upward = forward.new_tensor([0.0, 1.0, 0.0] if abs(float(forward[1])) < 0.95 else [1.0, 0.0, 0.0])
     right = torch.nn.functional.normalize(torch.linalg.cross(upward, forward), dim=0)

@@ -18,7 +18,7 @@ MIN_ARC = 0.02
 """A part is bent if its middle is off its ends by more than this fraction of its length."""
 
 MIN_ARC_POINTS = 16
-"""Points by which a bend can be told."""
+"""Fewest points by which a bend is measured."""
 
 SLENDER = 1.5
 """A part leans and bends along an axis if it is so many times longer along it than across."""
@@ -120,7 +120,7 @@ def growth_limits(basis: StructureBasis) -> Float[np.ndarray, "parts 3 3"]:
 
 
 def _of_groups(basis: StructureBasis, each: np.ndarray) -> np.ndarray:
-    """What all parts of a group may do."""
+    """Reduce what each part may do to what all parts of its group may do."""
     found = np.full((int(basis.group.max()) + 1, 3), 2, np.int64)
     np.minimum.at(found, basis.group, each)
     return found

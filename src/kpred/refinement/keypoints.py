@@ -263,7 +263,7 @@ def unseen_fraction(squared: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]
 def _out_of_free_space(
     moved: Tensor, goal: Tensor, picture: DepthPicture, weight_of_all: float
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Where points in seen-through space should be, the nearest that was seen, and with which weight.
+    """Match points in seen-through space to the nearest that was seen; places and weights.
 
     Indices (C, F), places (C, F, 3), weights (C, F) of some of the points.
     """

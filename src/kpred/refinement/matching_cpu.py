@@ -14,7 +14,7 @@ SEEN = 0.3
 """Surface less visible than this is no match for a point of the scan."""
 
 SHARP = np.float32(3.0)
-"""Factor of distances across a surface beside those along it, where the two sides of boards are to be told apart."""
+"""Factor of distances across a surface beside those along it, where the two sides of boards are to be separated."""
 
 MIN_SEEN = 8
 """Where fewer points than this are seen, all are matched."""

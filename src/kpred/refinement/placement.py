@@ -27,11 +27,11 @@ class Placement:
 
     @classmethod
     def identity(cls) -> Placement:
-        """The model as it is in its unit box."""
+        """Place the model as it is in its unit box."""
         return cls(0.0, np.ones(3), np.zeros(3))
 
     def matrix(self) -> Float[np.ndarray, "4 4"]:
-        """Homogeneous matrix of the same map."""
+        """Build the homogeneous matrix of the same map."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         found = np.eye(4)
         found[:3, :3] = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]) * self.size

@@ -66,7 +66,7 @@ class StructureBasis:
 
     @property
     def standing(self) -> np.ndarray:
-        """(C,) whether each part stands on the floor."""
+        """Whether each part (C,) stands on the floor."""
         lowest = (self.middle - self.half)[:, 1]
         return lowest < lowest.min() + STANDING
 
@@ -85,7 +85,7 @@ class StructureBasis:
         return spline, self._own(points, parts)
 
     def _own(self, points: np.ndarray, parts: np.ndarray) -> np.ndarray:
-        """(3, KINDS, N) columns of the parts' own unknowns."""
+        """Compute the columns (3, KINDS, N) of the parts' own unknowns."""
         local = (points - self.middle[parts]) / self.half[parts]
         mirrored = local.copy()
         mirrored[:, 0] *= self.sign[parts]
@@ -116,7 +116,7 @@ class StructureBasis:
         return found
 
     def _spline(self, place: np.ndarray, parts: np.ndarray, axis: int) -> np.ndarray:
-        """(N, K) weights of the controls; between the ends of affine ranges, interpolated."""
+        """Compute the weights (N, K) of the controls; between the ends of affine ranges, interpolated."""
         low, high = float(self.low[axis]), float(self.high[axis])
         found = spline_weights(place, low, high, self.controls)
         for part, along, first, last in self.structure.affine_ranges:
@@ -130,7 +130,7 @@ class StructureBasis:
         return found
 
     def _chords(self, place: np.ndarray, parts: np.ndarray, axis: int, weights: np.ndarray) -> np.ndarray:
-        """The same weights with those of parts that have vertices at their ends alone interpolated between these."""
+        """Interpolate the weights of parts that have vertices at their ends alone."""
         found, low, high = weights.copy(), self.middle - self.half, self.middle + self.half
         everyone = np.arange(len(self.middle))
         ends = [self._spline(side[:, axis], everyone, axis) for side in (low, high)]
@@ -181,7 +181,7 @@ def structure_basis(structure: Structure, config: StructureConfig) -> StructureB
 
 
 def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.ndarray:
-    """(U, U) of one axis."""
+    """Build the stiffness (U, U) of one axis."""
     structure, controls, size = basis.structure, basis.controls, basis.unknowns
     second = np.diff(np.eye(controls), 2, axis=0)
     stiff = np.zeros((size, size))
@@ -220,7 +220,7 @@ def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.
 
 
 def _groups(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """(C,) group of each part and its sign along x; parts that mirror each other are one group."""
+    """List the group (C,) of each part and its sign along x; parts that mirror each other are one group."""
     count = structure.parts
     group, sign = np.full(count, -1), np.ones(count)
     following = 0
@@ -236,7 +236,7 @@ def _groups(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _world_boxes(structure: Structure) -> np.ndarray:
-    """(C, 2, 3) corners of the parts' boxes along the world's axes."""
+    """Compute the corners (C, 2, 3) of the parts' boxes along the world's axes."""
     middle = np.einsum("ckj,ck->cj", structure.axes, structure.boxes.mean(axis=1))
     reach = np.einsum("ckj,ck->cj", np.abs(structure.axes), np.diff(structure.boxes, axis=1)[:, 0] / 2)
     return np.stack([middle - reach, middle + reach], axis=1)

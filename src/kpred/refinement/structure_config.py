@@ -46,5 +46,5 @@ class StructureConfig:
     robust: float = 20.0
 
     def quick(self) -> StructureConfig:
-        """The few rounds, with half of the points, by which finalists are found."""
+        """Reduce to the few rounds, with half of the points, by which finalists are found."""
         return replace(self, iterations=max(1, self.iterations // 3), points=max(1, self.points // 2))

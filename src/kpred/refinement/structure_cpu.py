@@ -38,7 +38,7 @@ def fit_rounds(
     limits, spans, slopes, can_lean, can_bend, end_axis, end_inside, end_column, end_factor, flush, feet, floor, rounds,
     robust, minimum, lean_gain, solution, moved,
 ):  # fmt: skip
-    """Fills `solution` (3, U) and `moved` (N, 3); points are sorted by part.
+    """Fill `solution` (3, U) and `moved` (N, 3); points are sorted by part.
 
     Args:
         spline: (3, K, N), own: (3, 4, N) columns. bounds: (C + 1,) first point of each part; group: (C,).
@@ -105,7 +105,7 @@ def last_rounds(rounds):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _constrain(normal, stiff, leaning, can_bend, controls):
-    """Adds stiffness to the lower half of `normal` (U, U); holds leans and bends at 0 unless free."""
+    """Add stiffness to the lower half of `normal` (U, U); hold leans and bends at 0 unless free."""
     for j in range(len(normal)):
         for k in range(j + 1):
             normal[j, k] += stiff[j, k]
@@ -119,7 +119,7 @@ def _constrain(normal, stiff, leaning, can_bend, controls):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _tie(normal, right, axis, end_axis, end_inside, end_column, end_factor, weights):
-    """Adds the squares of steps between tied ends along one axis to the lower half of `normal` (U, U) and `right`."""
+    """Add the squares of steps between tied ends along one axis to the lower half of `normal` (U, U) and `right`."""
     for pair in range(len(end_axis)):
         if end_axis[pair] == axis and weights[pair] > 0:
             for a in range(4):
@@ -133,7 +133,7 @@ def _tie(normal, right, axis, end_axis, end_inside, end_column, end_factor, weig
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _snap(end_axis, end_inside, end_column, end_factor, solution, first, weights):
-    """Sets `weights` (F,): ends that have come out of what they touch become flush with it, and stay so.
+    """Set `weights` (F,): ends that have come out of what they touch become flush with it, and stay so.
 
     In the first of these rounds ends that are flush in the model become flush again if the step between them is small,
     and are set free otherwise.
@@ -152,7 +152,7 @@ def _snap(end_axis, end_inside, end_column, end_factor, solution, first, weights
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _solve_monotone(normal, right, spans, axis, slopes, controls):
-    """Solves in place for `right` (U,), the spline as stiff as it must be to fold nowhere."""
+    """Solve in place for `right` (U,), the spline as stiff as it must be to fold nowhere."""
     before, pull = normal.copy(), right.copy()
     solve(normal, right)
     for smoother in STIFFER:
@@ -170,7 +170,7 @@ def _solve_monotone(normal, right, spans, axis, slopes, controls):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _find_leans(own, bounds, group, wanted, moved, can_lean, lean_gain, leaning):
-    """Marks the leans that alone would lower the weighted squared distance by enough."""
+    """Mark the leans that alone would lower the weighted squared distance by enough."""
     for axis in range(3):
         pull, hold, off = np.zeros(len(leaning)), np.zeros(len(leaning)), np.zeros(len(leaning))
         for part in range(len(group)):
@@ -189,7 +189,7 @@ def _find_leans(own, bounds, group, wanted, moved, can_lean, lean_gain, leaning)
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _folds(values, spans, axis, slope):
-    """Whether an increment of the spline's controls is beyond its bounds where it acts on a part as it is."""
+    """Check whether an increment of the spline's controls is beyond its bounds where it acts on a part as it is."""
     for part in range(len(spans)):
         if spans[part, axis, 0] >= 0:
             for k in range(spans[part, axis, 0], spans[part, axis, 1]):
@@ -202,7 +202,7 @@ def _folds(values, spans, axis, slope):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def bound_growth(solution, growth, limits, spans, slopes, group, controls):
-    """Clips each part's own growth so that its box neither vanishes nor folds."""
+    """Clip each part's own growth so that its box neither vanishes nor folds."""
     for part in range(len(group)):
         grow = controls + KINDS * group[part] + 1
         for axis in range(3):

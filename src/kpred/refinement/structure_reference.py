@@ -16,7 +16,7 @@ from kpred.refinement.structure_cpu import FLATTEST, LINEAR, RELAXATION, SNAP, S
 
 MOVE, GROW, LEAN, BEND = range(KINDS)
 
-LEAST_LEAN = 1e-4
+MIN_LEAN = 1e-4
 """A part that leans by less, as a fraction of its half side, is not rotated."""
 
 
@@ -67,13 +67,13 @@ class Family:
             if self.bounds[part] == self.bounds[part + 1]:
                 continue
             lean = self._lean(part, solution)
-            if self.boxes[part, 12] > 0 or np.abs(lean).max() > LEAST_LEAN:
+            if self.boxes[part, 12] > 0 or np.abs(lean).max() > MIN_LEAN:
                 moved[mine] = self._rotated(part, solution, lean, moved[mine])
             moved[mine] += (self.own[:, BEND, mine] * solution[:, self.column(part, BEND)][:, None]).T
         return moved
 
     def _lean(self, part: int, solution: np.ndarray) -> np.ndarray:
-        """(3,) slope of each coordinate along its lean axis; mirrored parts lean against each other."""
+        """Compute the slope (3,) of each coordinate along its lean axis; mirrored parts lean against each other."""
         mine, across = slice(self.bounds[part], self.bounds[part + 1]), self.lean_axis[part]
         local = self.points[mine][:, across] - self.boxes[part, 9:12][across]
         sign = np.sign((self.own[:, LEAN, mine].T * local).sum(axis=0))
@@ -81,7 +81,7 @@ class Family:
         return found
 
     def _rotated(self, part: int, solution: np.ndarray, lean: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Points of a part, rotated and scaled along its own axes."""
+        """Rotate the points of a part and scale them along its own axes."""
         mine, middle = slice(self.bounds[part], self.bounds[part + 1]), self.boxes[part, 9:12]
         axes, grown = self.boxes[part, :9].reshape(3, 3), (self.growth[part] * solution).sum(axis=1)
         factor = 1.0 + grown / (2.0 * self.limits[part, :, 2])
@@ -169,7 +169,7 @@ def fit_rounds_reference(
 
 
 def _end_rows(axis: np.ndarray, column: np.ndarray, factor: np.ndarray, unknowns: int) -> np.ndarray:
-    """(F, U) dense rows of the steps between ends."""
+    """Build the dense rows (F, U) of the steps between ends."""
     found = np.zeros((len(axis), unknowns))
     np.add.at(found, (np.arange(len(axis))[:, None], column), factor)
     return found
@@ -207,7 +207,7 @@ def match_reference(
 
 
 def _robust(squared: np.ndarray, robust: float, minimum: float) -> np.ndarray:
-    """Weights of matches by their squared distances; the median decides what is far."""
+    """Weigh matches by their squared distances; the median decides what is far."""
     if robust <= 0:
         return np.ones(len(squared))
     scale = np.sort(squared)[(len(squared) - 1) // 2] * robust + minimum
@@ -218,7 +218,7 @@ def _robust(squared: np.ndarray, robust: float, minimum: float) -> np.ndarray:
 def _leans_explain(
     family: Family, wanted: np.ndarray, weight: np.ndarray, moved: np.ndarray, lean_gain: float, groups: int
 ) -> Bool[np.ndarray, "groups 3"]:
-    """Whether a lean of each group along each axis explains enough of what is still off."""
+    """Check whether a lean of each group along each axis explains enough of what is still off."""
     group, lean = family.group[family.parts], family.own[:, LEAN].T
     residual = wanted - weight[:, None] * moved
     pull, hold, off = np.zeros((3, groups, 3))
@@ -233,7 +233,7 @@ def _leans_explain(
 def _monotone(
     normal: np.ndarray, right: np.ndarray, controls: int, spans: np.ndarray, slopes: np.ndarray, axis: int
 ) -> np.ndarray:
-    """Solution for one axis, with the least of the listed stiffnesses at which the spline folds nowhere."""
+    """Solve for one axis, with the least of the listed stiffnesses at which the spline folds nowhere."""
     second = np.zeros_like(normal)
     difference = np.diff(np.eye(controls), 2, axis=0)
     second[:controls, :controls] = difference.T @ difference
@@ -248,7 +248,7 @@ def _monotone(
 
 
 def _clip_growth(family: Family, solution: np.ndarray, spans: np.ndarray, slopes: np.ndarray) -> None:
-    """Clips the growth of each part in `solution`: of its box, then of its flattest place."""
+    """Clip the growth of each part in `solution`: of its box, then of its flattest place."""
     for part in range(len(family.group)):
         grow = family.column(part, GROW)
         for axis in range(3):

@@ -40,7 +40,7 @@ class Reflection:
 def reflect(
     scan: Float[Tensor, "scan 3"], keypoints: Float[Tensor, "keypoints 3"], pictures: Sequence[DepthPicture] = ()
 ) -> Reflection:
-    """The scan mirrored about x = 0, the middle plane of the whole object's unit box.
+    """Mirror a scan about x = 0, the middle plane of the whole object's unit box.
 
     Args:
         keypoints: that the network expects of the whole object, unit box.
