@@ -18,21 +18,12 @@ import numpy as np
 
 import kpred
 from kpred.errors import KpredError
+from kpred.evaluation.rooms.labelled import FURNITURE, MIN_POINTS, UNNAMED
 from kpred.fitting.defaults import resolve_model
 from kpred.nn import Model
 from kpred.scenes.scene import read_scene
 
-FURNITURE = {
-    "chair": "chair",
-    "table": "table",
-    "desk": "table",
-    "cabinet": "cabinet",
-    "shelves": "cabinet",
-    "bookcase": "cabinet",
-    "nightstand": "cabinet",
-}
-UNNAMED = {"", "wall", "floor", "ceiling", "clutter", "otherprop", "otherfurniture", "otherstructure"}
-MIN_POINTS = 100
+LEFT_OUT = {*UNNAMED, "wall", "floor", "ceiling"}
 CONFIDENT = 0.5
 
 
@@ -45,7 +36,7 @@ def instances(folder: Path) -> Iterator[tuple[str, str, np.ndarray]]:
         points = read_scene(folder / f"{room}.ply").points
         for number, name in enumerate(names):
             chosen = points[numbers == number]
-            if number and name not in UNNAMED and len(chosen) >= MIN_POINTS:
+            if number and name not in LEFT_OUT and len(chosen) >= MIN_POINTS:
                 yield room, name, chosen
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from kpred.database import Database, build_database
 from kpred.errors import OutputError, PackError
+from kpred.file_hash import file_sha256
 from kpred.nn import Model
 from kpred.shapes import open_shapes
 
@@ -81,8 +82,7 @@ def content_hash(file: Path) -> str:
         PackError: it cannot be read.
     """
     try:
-        with open(file, "rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return file_sha256(file)
     except OSError as error:
         raise PackError(f"{file}: it cannot be read ({error.strerror or error}); check the path.") from error
 

@@ -14,7 +14,7 @@ from kpred._version import __version__
 from kpred.database.address import is_address
 from kpred.fitting.defaults import bundled_database_path
 from kpred.fitting.options import FitOptions
-from kpred.fitting.source import file_sha256, mesh_sha256
+from kpred.fitting.source import mesh_sha256, scan_sha256
 from kpred.nn.fingerprint import weights_fingerprint
 from kpred.nn.loading import is_folder_name
 
@@ -46,7 +46,7 @@ def make_record(fit: Fit) -> dict[str, Any]:
         **fit.to_json(),
         "input": {
             "path": None if file is None else str(file),
-            "sha256": None if file is None else file_sha256(file),
+            "sha256": None if file is None else scan_sha256(file),
             "points": source.points,
             "points_sha256": source.points_sha256,
         },

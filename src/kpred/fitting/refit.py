@@ -18,7 +18,7 @@ from kpred.fitting.options import FitOptions
 from kpred.fitting.pipeline import Timer, run_fit
 from kpred.fitting.record import BUNDLED_DATABASE, RECORD_VERSION, versions
 from kpred.fitting.result import Fit
-from kpred.fitting.source import file_sha256, mesh_sha256
+from kpred.fitting.source import mesh_sha256, scan_sha256
 from kpred.fitting.stages import Context
 from kpred.nn import Model
 from kpred.nn.fingerprint import weights_fingerprint
@@ -108,7 +108,7 @@ def _refit(
     content, where = record.content, record.file
     options = options_from_json(content["options"], where)
     file = record.scan if scan is None else Path(scan)
-    if file_sha256(file) != content["input"]["sha256"]:
+    if scan_sha256(file) != content["input"]["sha256"]:
         raise RecordError(f"{where}: the scan {file} has changed since; give the scan it was made from (--scan).")
     networks = _model(content["weights"]["model"] if model is None else model, where)
     if weights_fingerprint(networks) != content["weights"]["fingerprint"]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import ScanError
+from kpred.file_hash import file_sha256
 from kpred.fitting.options import FitOptions
 from kpred.fitting.stages import Context
 from kpred.ops.typing import Float
@@ -49,15 +50,14 @@ class FitSource:
         return replace(self, file=Path(os.path.abspath(file)))
 
 
-def file_sha256(file: Path) -> str:
-    """Hash a file's bytes, as 64 hexadecimal digits.
+def scan_sha256(file: Path) -> str:
+    """Hash the file of a scan, as 64 hexadecimal digits.
 
     Raises:
         ScanError: it cannot be read.
     """
     try:
-        with open(file, "rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return file_sha256(file)
     except OSError as error:
         raise ScanError(f"{file}: {error.strerror or error}; give the file of the scan.") from error
 
