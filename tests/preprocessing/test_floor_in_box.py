@@ -77,6 +77,14 @@ def test_a_plane_above_the_known_floor_is_no_floor(rng: np.random.Generator) -> 
     assert removed(clean_scan(scan, config=NO_THINNING, floor=-0.2)) == 0
 
 
+def test_a_wide_top_above_the_known_floor_is_no_floor(rng: np.random.Generator) -> None:
+    top = rng.uniform([-1.0, 0.748, -0.5], [1.0, 0.752, 0.5], (3000, 3))
+    thing = rng.uniform([-0.2, 0.75, -0.2], [0.2, 1.25, 0.2], (2000, 3))
+    scan = np.concatenate([top, thing])
+    assert removed(clean_scan(scan, config=NO_THINNING, floor=0.75)) > 2000
+    assert removed(clean_scan(scan, config=NO_THINNING, floor=0.0)) == 0
+
+
 @pytest.mark.parametrize("floor", [None, 0.0])
 def test_a_table_with_the_floor_in_its_box_is_no_block(floor: float | None) -> None:
     errors = []

@@ -20,6 +20,9 @@ from kpred.preprocessing.planes import find_end_patch
 WORKING_POINTS = 4500
 """Larger scans are represented by this many points, one for each cell of a grid."""
 
+MAX_ABOVE_FLOOR = 0.1
+"""Planes farther above the known floor, in sizes of the scan, are no floor."""
+
 
 @dataclass(frozen=True)
 class CleaningStep:
@@ -170,11 +173,14 @@ class _Cleaning:
         standing = np.ones(len(left), dtype=bool) if bottom is None else ~bottom.inside
         wall = detect_wall(left, reach, self.up, size, config.wall_beyond, directions, standing)
         behind = None if wall is None else wall.patch.height <= 1.5 * wall.patch.thickness
-        floor = detect_floor(left, reach, self.up, size, config.floor_beyond, behind, bottom)
+        above = None
+        if bottom is not None and self.floor is not None:
+            above = (self._height_of(bottom.height, left, middle, scale) - self.floor) / scale
+        floor = None
+        if above is None or above < MAX_ABOVE_FLOOR * size:  # Higher ones are tops of tables.
+            floor = detect_floor(left, reach, self.up, size, config.floor_beyond, behind, bottom)
         if floor is None and bottom is not None:
-            level = self._height_of(bottom.height, left, middle, scale)
-            known = None if self.floor is None else (level - self.floor) / scale
-            floor = detect_floor_in_box(bottom, self.up, size, known)
+            floor = detect_floor_in_box(bottom, self.up, size, above)
         for name, surface in (("floor", floor), ("wall", wall)):
             if not getattr(config, name):
                 continue
