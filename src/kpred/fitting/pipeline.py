@@ -13,12 +13,13 @@ import numpy as np
 
 from kpred.database import Database
 from kpred.fitting.assessment import assess
+from kpred.fitting.build_fit import build_fit
 from kpred.fitting.deform import Deform
 from kpred.fitting.options import FitOptions, sensor_positions
 from kpred.fitting.placed import place
 from kpred.fitting.raw_scan import is_room, read_raw_scan
 from kpred.fitting.readings import deform_readings
-from kpred.fitting.result import Fit, build_fit
+from kpred.fitting.result import Fit
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.source import FitSource
 from kpred.fitting.stages import Context, align, find_up, propose_poses, try_poses
