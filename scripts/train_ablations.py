@@ -12,18 +12,18 @@ The second command needs no GPU: it puts what was trained into run folders, as `
 from __future__ import annotations
 
 import argparse
-import copy
 import hashlib
 import os
 import tempfile
 import time
 import traceback
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import torch
 import torch.multiprocessing as processes
+from ablation_steps import Job, seconds_a_step, with_steps
 
 from kpred.nn import STAGES, KPRed
 from kpred.nn.config import preset
@@ -43,13 +43,6 @@ from kpred.training.loop import optimise
 from kpred.training.run import new_network
 from kpred.training.stages import STAGE_CLASSES
 
-FRACTIONS = {"deformation": 0.34, "retrieval": 0.32, "partial": 0.34}
-"""Of the time that is left after the data are prepared; all rows have the second stage, so that its steps are slow."""
-
-PROBE, SETTLE = 30, 6
-SAFETY = 0.88
-SETTING_UP = 4.0
-"""Seconds before the steps of each stage: bases of all sources, and the timing."""
 GRACE = 15.0
 """Seconds over the end after which what still runs is stopped."""
 
@@ -59,20 +52,6 @@ WORK = {
     "partial": {"f": "with-cb", "e": "without-cb"},
 }
 """Stage -> process (named after a row of the table) -> run that it trains."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """What all processes share: arguments, places, and the clock's end."""
-
-    packs: tuple[Path, ...]
-    categories: tuple[str, ...]
-    scratch: Path
-    end: float
-    preset: str
-    steps: tuple[int, ...] | None
-    base: TrainConfig
-    source_split: str | None
 
 
 def main() -> None:
@@ -209,50 +188,6 @@ def network_before(job: Job, number: int, run: str, stage: str) -> KPRed:
         weights = torch.load(job.scratch / f"{number}.{earlier[before]}")
         load_parts(network, weights, before)
     return network
-
-
-def seconds_a_step(network: KPRed, data: TrainingData, config: TrainConfig, stage: str) -> float:
-    """Mean time of a step beside all else that runs, without the first ones."""
-    began = 0.0
-
-    def report(_stage: str, done: int, _total: int, _losses: dict[str, float]) -> None:
-        nonlocal began
-        if done == SETTLE:
-            began = time.monotonic()
-
-    probe = replace(
-        config, warmup=0, checkpoint_every=PROBE + 1, **{stage: replace(getattr(config, stage), steps=PROBE)}
-    )
-    with tempfile.TemporaryDirectory() as scratch:
-        work = STAGE_CLASSES[stage](copy.deepcopy(network), data, probe)
-        optimise(work, None, Path(scratch), data.device, 0, report, log=False)
-    return (time.monotonic() - began) / (PROBE - SETTLE)
-
-
-def with_steps(job: Job, config: TrainConfig, stage: str, a_step: float) -> TrainConfig:
-    """Set the steps that fit into the stage's fraction of the time that is left; the same for all."""
-    order = list(STAGES)
-    steps_file = job.scratch / f"{stage}.steps"
-    if job.steps is not None:
-        steps = job.steps[order.index(stage)]
-    else:
-        # The first process to come here decides, and all others read what it decided.
-        later = order[order.index(stage) :]
-        left = (
-            (job.end - time.monotonic() - SETTING_UP * len(later))
-            * FRACTIONS[stage]
-            / sum(FRACTIONS[name] for name in later)
-        )
-        mine = max(PROBE, int((left - PROBE * a_step) / max(a_step, 1e-6) * SAFETY))
-        try:
-            with open(steps_file.with_suffix(f".{os.getpid()}"), "w") as file:
-                file.write(str(mine))
-            os.link(file.name, steps_file)
-            print(f"{stage}: {1000 * a_step:.1f} ms a step of the slowest, {mine} steps", flush=True)
-        except FileExistsError:
-            pass
-        steps = int(steps_file.read_text())
-    return replace(config, **{stage: replace(getattr(config, stage), steps=steps)})
 
 
 def train_run(

@@ -17,10 +17,7 @@ LONG_FUNCTIONS = {
     "src/kpred/refinement/structure_reference.py:fit_rounds_reference",
 }
 LONG_FILES = {
-    "scripts/fuzz_readers.py",
-    "scripts/train_ablations.py",
     "src/kpred/database/database.py",
-    "src/kpred/fitting/result.py",
 }
 
 

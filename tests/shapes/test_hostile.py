@@ -4,7 +4,6 @@ import importlib.util
 import json
 import resource
 import signal
-import sys
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -81,13 +80,9 @@ def test_collected_hostile_files(shared_data: Path, at_once: None) -> None:
 
 @pytest.fixture(scope="module")
 def fuzzer() -> ModuleType:
-    path = Path(__file__).parents[2] / "scripts" / "fuzz_readers.py"
-    spec = importlib.util.spec_from_file_location("fuzz_readers", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(Path(__file__).parents[2] / "scripts")
+        return importlib.import_module("fuzz_readers")
 
 
 def test_two_thousand_mutated_files(fuzzer: ModuleType, tmp_path: Path) -> None:
