@@ -7,7 +7,6 @@ from pathlib import Path
 from kpred.exports.furniture import Export
 from kpred.exports.writer import Writer, bytes_writer
 from kpred.shapes.appearance.write import appearance_files
-from kpred.shapes.mesh import Mesh
 from kpred.shapes.mesh_output import check_mesh, write_mesh
 
 
@@ -17,8 +16,11 @@ def surface_writers(export: Export, path: Path) -> dict[Path, Writer]:
     Raises:
         OutputError: the format cannot hold the mesh.
     """
+    import trimesh
+
     (furniture,) = export.objects
-    mesh = Mesh(furniture.vertices, furniture.faces)
+    # Double precision: a `Mesh` has float32, which is too coarse far from the origin.
+    mesh = trimesh.Trimesh(furniture.vertices, furniture.faces, process=False)
     check_mesh(path, mesh)
     if furniture.appearance is None or path.suffix.lower() != ".obj":
         return {path: lambda file: write_mesh(file, mesh, furniture.credit)}

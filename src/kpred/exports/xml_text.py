@@ -13,9 +13,13 @@ from scipy.spatial.transform import Rotation
 from kpred.ops.typing import Float
 
 
+_FAR = 1e4
+"""Beyond it nine digits are coarser than 0.01 mm."""
+
+
 def numbers(values: Iterable[float]) -> str:
-    """Write numbers with nine digits, separated by spaces."""
-    return " ".join(f"{float(value):.9g}" for value in values)
+    """Write numbers with nine digits, places far from the origin with fifteen, separated by spaces."""
+    return " ".join(f"{float(value):.{9 if abs(value) < _FAR else 15}g}" for value in values)
 
 
 def xml_name(text: str) -> str:
