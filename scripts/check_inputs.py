@@ -4,8 +4,8 @@
 
 `INPUTS` holds one folder a case; the table of cases says which command runs there and what is right. Commands run in
 this process, with their outputs in a temporary folder. `HOSTILE` holds damaged files: each is read by every reader of
-its extension, and must be read or refused in one sentence of the package, within ten seconds and in 1 GB beyond its own
-size. Prints one line a case and the sums; exit code 1 if one is wrong.
+its extension, and must be read or refused in one sentence of the package, in ten seconds of processor time and 1 GB
+beyond its own size. Prints one line a case and the sums; exit code 1 if one is wrong.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ from kpred.shapes.scan import SCAN_EXTENSIONS, read_scan
 CASES = Path(__file__).with_name("input_cases.toml")
 SAMPLES = 20_000
 SECONDS, MEGABYTES = 10.0, 1000
+"""Processor time and growth of memory that one damaged file may take."""
+
 
 SCENE = Scene(np.random.default_rng(0).normal(size=(1616, 3)))
 READERS: tuple[tuple[Any, tuple[str, ...]], ...] = (
@@ -80,7 +82,9 @@ class _Hang(BaseException):
 
 def run_cases(inputs: Path, table: dict[str, Any], only: str) -> Iterator[Verdict]:
     """Run the commands of all cases whose folder is there."""
-    truths = {name: _truth(inputs, entry) for name, entry in table["truth"].items() if (inputs / entry["file"]).exists()}
+    truths = {
+        name: _truth(inputs, entry) for name, entry in table["truth"].items() if (inputs / entry["file"]).exists()
+    }
     for case in table["case"]:
         name = f"{case['folder']}: {case['command']}"
         if only in name and (inputs / case["folder"]).is_dir():
@@ -166,7 +170,7 @@ def read_hostile(folder: Path) -> Iterator[Verdict]:
     def alarm(_number: int, _frame: FrameType | None) -> None:
         raise _Hang
 
-    signal.signal(signal.SIGALRM, alarm)
+    signal.signal(signal.SIGPROF, alarm)
     for file in sorted(file for file in folder.iterdir() if file.suffix != ".md"):
         wrong = [what for read, extensions in READERS if file.suffix in extensions for what in _problem(read, file)]
         yield Verdict(file.name, not wrong, "; ".join(wrong) or "read or refused")
@@ -174,7 +178,7 @@ def read_hostile(folder: Path) -> Iterator[Verdict]:
 
 def _problem(read: Any, file: Path) -> Iterator[str]:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -187,7 +191,7 @@ def _problem(read: Any, file: Path) -> Iterator[str]:
     except Exception as error:
         yield f"{type(error).__name__}: {error}"
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     if grown > MEGABYTES + file.stat().st_size / 1e6:
         yield f"{grown:.0f} MB of memory"
@@ -214,7 +218,9 @@ def run() -> int:
                 print(f"{'right' if verdict.right else 'WRONG'}  {verdict.case}\n       {verdict.outcome}", flush=True)
     sums = {kind: {"right": sum(v.right for v in rows), "of": len(rows)} for kind, rows in found.items()}
     if given.json:
-        print(json.dumps({**sums, "cases": {kind: [asdict(v) for v in rows] for kind, rows in found.items()}}, indent=2))
+        print(
+            json.dumps({**sums, "cases": {kind: [asdict(v) for v in rows] for kind, rows in found.items()}}, indent=2)
+        )
     else:
         print(", ".join(f"{kind}: {count['right']} of {count['of']} right" for kind, count in sums.items()))
     return 0 if all(count["right"] == count["of"] for count in sums.values()) else 1

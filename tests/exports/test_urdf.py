@@ -48,5 +48,7 @@ def test_places_far_from_the_origin_are_exact(room: Export, tmp_path: Path) -> N
     far = np.array([694_386_212.3, 5_155_487_512.7, 381_036.0])
     objects = tuple(replace(one, vertices=one.vertices + far) for one in room.objects)
     file, *_ = save_export(replace(room, objects=objects), tmp_path / "room.urdf")
-    places = [[float(x) for x in one.find("origin").get("xyz").split()] for one in ElementTree.parse(file).iter("joint")]
+    places = [
+        [float(x) for x in one.find("origin").get("xyz").split()] for one in ElementTree.parse(file).iter("joint")
+    ]
     np.testing.assert_allclose(places, np.array([[2, 3, 0.5], [4, 3, 0.5]]) + far / 1000, atol=1e-5, rtol=0)
