@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from kpred.ops.typing import Float
 
-
 _FAR = 1e4
 """Beyond it nine digits are coarser than 0.01 mm."""
 
