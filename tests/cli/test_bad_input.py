@@ -31,7 +31,7 @@ Refusal = Callable[..., str]
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "HF_HUB_OFFLINE": "1"}
 SMALL_TRAINING = ["--points=96", "--model.width=16", "--model.token-size=8", "--model.region-points=16"]
-SMALL_TRAINING += ["--model.stages=1", "--deformation.batch=2", "--threads=1"]
+SMALL_TRAINING += ["--model.stages=1", "--deformation.batch=2", "--deformation.steps=3", "--threads=1"]
 
 
 @pytest.fixture
@@ -201,10 +201,10 @@ def test_meshes_of_every_quality(files: Path, tmp_path: Path, run_json: Run, ref
     assert any(name in sentence for name in bad)
 
 
-def test_a_mesh_of_a_million_faces_is_added(files: Path, work: Path, tmp_path: Path, run_json: Run) -> None:
+def test_a_mesh_of_200_000_faces_is_added(files: Path, work: Path, tmp_path: Path, run_json: Run) -> None:
     meshes = tmp_path / "meshes"
     meshes.mkdir()
-    side = 708  # 2 * 707 * 707 = 999698 triangles
+    side = 317  # 2 * 316 * 316 = 199712 triangles
     x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side))
     vertices = np.stack([x, 0.1 * np.sin(9 * x) * np.cos(7 * y), y], axis=2).reshape(-1, 3)
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
@@ -214,7 +214,7 @@ def test_a_mesh_of_a_million_faces_is_added(files: Path, work: Path, tmp_path: P
     began = time.process_time()
     line = ["database", "add", work / "tables.kpred", meshes, "--category", "table", "--model", files / "model"]
     assert run_json(*line)["added"] == 1
-    assert time.process_time() - began < 30
+    assert time.process_time() - began < 15
     with Database.open(work / "tables.kpred") as database:
         assert len(database.entry("wave").mesh.faces) == len(faces)
 
@@ -539,8 +539,8 @@ def test_a_training_stopped_by_ctrl_c_goes_on(
     files: Path, tmp_path: Path, run_json: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, steps = tmp_path / "run", 30
-    line = ["train", "deformation", files / "table.npz", "-o", run, *SMALL_TRAINING, f"--deformation.steps={steps}"]
-    line += ["--checkpoint-every=1"]
+    line = ["train", "deformation", files / "table.npz", "-o", run, *SMALL_TRAINING, "--checkpoint-every=1"]
+    line += [f"--deformation.steps={steps}"]
     checkpoint = run / "deformation.checkpoint"
     with started([*line, "--json"]) as child:
         wait_for(checkpoint.exists, child)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal
 
 from kpred.errors import ConfigError
+from kpred.nn.plain_config import PlainConfig
 
 MAX_SUBDIVISIONS = 5
 """Of the cage's icosahedron: 10,242 vertices."""
 
 
 @dataclass(frozen=True)
-class ModelConfig:
+class ModelConfig(PlainConfig):
     """Architecture of one category's networks.
 
     Attributes:
@@ -83,30 +83,12 @@ class ModelConfig:
         """Vertices of the cage: 42 after one subdivision of the icosahedron."""
         return 10 * 4**self.cage_subdivisions + 2
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for config.json and checkpoints."""
-        return dataclasses.asdict(self)
-
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> ModelConfig:
-        """Return the config written by `to_dict`.
-
-        Raises:
-            ConfigError: if a key is unknown, as when the file was written by a newer version, or a value cannot be.
-        """
-        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
-        if unknown:
-            raise ConfigError(f"Model config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
+        """Return the config written by `to_dict`, by this or an older version; errors are those of the base."""
         if "box_blocks" not in values and values.get("partial_blocks"):  # written before there was the setting
-            values = {**values, "box_blocks": 1}
-        hints = get_type_hints(cls)
-        for name, value in values.items():
-            choices = get_args(hints[name])
-            if choices and value not in choices:
-                raise ConfigError(f"Model setting {name} must be one of {', '.join(choices)}, but is {value!r}.")
-            if not choices and type(value) is not hints[name] and (hints[name], type(value)) != (float, int):
-                raise ConfigError(f"Model setting {name} must be of type {hints[name].__name__}, but is {value!r}.")
-        return cls(**values)
+            return super().from_dict({**values, "box_blocks": 1})
+        return super().from_dict(values)
 
 
 PRESETS: dict[str, dict[str, Any]] = {

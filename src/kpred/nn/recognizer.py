@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +11,7 @@ from torch.nn import functional
 
 from kpred.errors import ConfigError
 from kpred.nn.context import ContextBlock
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.typing import Float
 
 MAX_YAW_CORRECTION = 0.5
@@ -19,7 +19,7 @@ MAX_YAW_CORRECTION = 0.5
 
 
 @dataclass(frozen=True)
-class RecognizerConfig:
+class RecognizerConfig(PlainConfig):
     """Architecture of a recognizer.
 
     Attributes:
@@ -41,22 +41,7 @@ class RecognizerConfig:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for config.json and checkpoints."""
-        return {**dataclasses.asdict(self), "categories": list(self.categories)}
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> RecognizerConfig:
-        """Return the config written by `to_dict`.
-
-        Raises:
-            ConfigError: if a key is unknown or a value cannot be.
-        """
-        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
-        if unknown:
-            raise ConfigError(f"Recognizer config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
-        try:
-            return cls(tuple(str(name) for name in values["categories"]), int(values["width"]), int(values["blocks"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise ConfigError(f"This is no recognizer config ({error!r}); train or copy it again.") from error
+        return {**super().to_dict(), "categories": list(self.categories)}
 
 
 class Recognizer(nn.Module):

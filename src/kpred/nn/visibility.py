@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -12,6 +10,7 @@ from torch.nn import functional
 
 from kpred.errors import ConfigError
 from kpred.nn.context import ContextBlock
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.nearest import nearest_neighbours
 from kpred.ops.typing import Float
 
@@ -26,7 +25,7 @@ SCAN_POINTS = 512
 
 
 @dataclass(frozen=True)
-class VisibilityConfig:
+class VisibilityConfig(PlainConfig):
     """Architecture of a visibility network.
 
     Attributes:
@@ -43,25 +42,6 @@ class VisibilityConfig:
                 f"A visibility network needs a positive width and no negative number of blocks, but has {self.width} "
                 f"and {self.blocks}."
             )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for config.json and checkpoints."""
-        return dataclasses.asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> VisibilityConfig:
-        """Return the config written by `to_dict`.
-
-        Raises:
-            ConfigError: if a key is unknown or a value cannot be.
-        """
-        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
-        if unknown:
-            raise ConfigError(f"Visibility config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
-        try:
-            return cls(**{name: int(value) for name, value in values.items()})
-        except (TypeError, ValueError) as error:
-            raise ConfigError(f"This is no visibility config ({error!r}); train or copy it again.") from error
 
 
 class VisibilityNetwork(nn.Module):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 from kpred.errors import ConfigError
+from kpred.nn.plain_config import PlainConfig
 
 
 @dataclass(frozen=True)
-class StageConfig:
+class StageConfig(PlainConfig):
     """One stage's optimisation.
 
     Attributes:
@@ -33,13 +33,35 @@ class StageConfig:
 
 
 @dataclass(frozen=True)
-class TrainConfig:
+class LoopConfig(PlainConfig):
+    """Settings of every training loop.
+
+    Attributes:
+        points: points of each cloud in a step.
+        seed: of everything random.
+        checkpoint_every: steps between checkpoints.
+        precision: `float32`, or `bfloat16` autocast of the networks (CUDA).
+        compile: torch.compile the networks (CUDA).
+    """
+
+    points: int = 1024
+    seed: int = 0
+    checkpoint_every: int = 200
+    precision: Literal["float32", "bfloat16"] = "float32"
+    compile: bool = False
+
+    def __post_init__(self) -> None:
+        if self.points < 64:
+            raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
+
+
+@dataclass(frozen=True)
+class TrainConfig(LoopConfig):
     """All of a category's training.
 
     Attributes:
         deformation, retrieval, partial: the three stages, run in this order.
-        points: points of each cloud in a step (the fit itself uses 2048).
-        keypoint_points: of these, how many the keypoint predictors see.
+        keypoint_points: of the points of a cloud, how many the keypoint predictors see.
         warmup: first steps of the deformation stage with the keypoint loss alone; without them the tokens of all
             regions start out equal and the encoder's gradients explode.
         keypoint_weight, keypoint_weight_late, late_step: lambda_kpt before and after `late_step`.
@@ -65,16 +87,11 @@ class TrainConfig:
         stretch: targets are scaled per axis by up to this factor and put back in their unit box (1 is off).
         noise: standard deviation of the jitter on partial clouds, unit-box units; each cloud gets up to this.
         outliers: fraction of stray points in partial clouds; each cloud gets up to this.
-        seed: of everything random.
-        checkpoint_every: steps between checkpoints.
-        precision: `float32`, or `bfloat16` autocast of the networks (CUDA).
-        compile: torch.compile the networks (CUDA).
     """
 
     deformation: StageConfig = field(default_factory=StageConfig)
     retrieval: StageConfig = field(default_factory=lambda: StageConfig(learning_rate=1e-3, batch=32))
     partial: StageConfig = field(default_factory=StageConfig)
-    points: int = 1024
     keypoint_points: int = 512
     warmup: int = 200
     keypoint_weight: float = 2.0
@@ -96,33 +113,11 @@ class TrainConfig:
     outliers: float = 0.01
     stretch: float = 1.3
     noise: float = 0.01
-    seed: int = 0
-    checkpoint_every: int = 200
-    precision: Literal["float32", "bfloat16"] = "float32"
-    compile: bool = False
 
     def __post_init__(self) -> None:
-        if self.points < 64:
-            raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
+        super().__post_init__()
         if not 0 <= self.occlusion[0] <= self.occlusion[1] < 1:
             raise ConfigError(f"Occlusion must be two fractions in [0, 1), low then high, but is {self.occlusion}.")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for checkpoints and records."""
-        return dataclasses.asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> TrainConfig:
-        """Return the config written by `to_dict`.
-
-        Raises:
-            ConfigError: if a setting is unknown or has an impossible value.
-        """
-        stages = {name: StageConfig(**values[name]) for name in ("deformation", "retrieval", "partial")}
-        unknown = set(values) - {field.name for field in dataclasses.fields(cls)}
-        if unknown:
-            raise ConfigError(f"Training settings {sorted(unknown)} are unknown; are they of a newer kpred?")
-        return cls(**{**values, **stages, "occlusion": tuple(values["occlusion"])})
 
 
 PAPER = TrainConfig(

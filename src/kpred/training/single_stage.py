@@ -2,45 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, TypeVar
 
 import torch
 from torch import nn
 
-from kpred.errors import ConfigError
-from kpred.training.config import StageConfig
+from kpred.training.config import LoopConfig, StageConfig
 
 Settings = TypeVar("Settings", bound="SingleStageConfig")
 
 
 @dataclass(frozen=True)
-class SingleStageConfig:
-    """Settings of the loop.
+class SingleStageConfig(LoopConfig):
+    """Settings of a training that has one stage.
 
     Attributes:
         optimisation: steps, batch (targets a step), rate.
-        points: points of each cloud in a step.
-        seed, checkpoint_every, precision, compile: as in `kpred.training.config.TrainConfig`.
     """
 
     optimisation: StageConfig = field(default_factory=lambda: StageConfig(steps=10_000, batch=16))
-    points: int = 1024
-    seed: int = 0
-    checkpoint_every: int = 200
-    precision: Literal["float32", "bfloat16"] = "float32"
-    compile: bool = False
-
-    def __post_init__(self) -> None:
-        if self.points < 64:
-            raise ConfigError(f"Training needs at least 64 points a cloud, but points = {self.points}.")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for checkpoints and records."""
-        return dataclasses.asdict(self)
 
 
 class SingleStage(ABC, Generic[Settings]):

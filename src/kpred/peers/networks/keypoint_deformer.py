@@ -8,9 +8,7 @@ motion to the shape.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -19,6 +17,7 @@ from kpred.errors import ConfigError
 from kpred.nn.config import ModelConfig
 from kpred.nn.influence import support
 from kpred.nn.keypoints import KeypointPredictor
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.cage import pulled_in_cage
 from kpred.ops.typing import Float
 from kpred.peers.networks.pointnet import PointNet
@@ -29,7 +28,7 @@ a parameter, so that a parameter that counts tenfold learns tenfold."""
 
 
 @dataclass(frozen=True)
-class KeypointDeformerConfig:
+class KeypointDeformerConfig(PlainConfig):
     """Architecture of one category's network.
 
     Attributes:
@@ -63,10 +62,6 @@ class KeypointDeformerConfig:
             cage="pulled",
             cage_subdivisions=self.cage_subdivisions,
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for config.json and checkpoints."""
-        return dataclasses.asdict(self)
 
 
 class KeypointDeformer(nn.Module):

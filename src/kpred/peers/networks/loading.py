@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 from pathlib import Path
@@ -109,13 +108,5 @@ def _build(values: dict[str, Any]) -> Peer:
     if name not in PEERS:
         raise ConfigError(f"this is not a peer ({name}); give weights of {', '.join(PEERS)}.")
     kind, config = PEERS[name]
-    unknown = set(given) - {field.name for field in dataclasses.fields(config)}
-    if unknown:
-        raise ConfigError(f"the peer's config has unknown settings {sorted(unknown)}; is it from a newer kpred?")
-    if "sources" in given:
-        given["sources"] = tuple(given["sources"])
-    try:
-        network: Peer = kind(config(**given))
-    except TypeError as error:
-        raise ConfigError(f"a setting of the peer has a wrong type ({error}); copy the file again.") from error
+    network: Peer = kind(config.from_dict(given))
     return network

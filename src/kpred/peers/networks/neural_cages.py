@@ -7,15 +7,14 @@ cage by both codes; mean value coordinates carry the motion to the shape. There 
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from kpred.errors import ConfigError
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.cage import icosphere
 from kpred.ops.mean_value import mean_value_coordinates, mean_value_reference
 from kpred.ops.typing import Float
@@ -27,7 +26,7 @@ before training."""
 
 
 @dataclass(frozen=True)
-class NeuralCagesConfig:
+class NeuralCagesConfig(PlainConfig):
     """Architecture of one category's network.
 
     Attributes:
@@ -43,10 +42,6 @@ class NeuralCagesConfig:
     def __post_init__(self) -> None:
         if self.code_size < 4 or self.cage_subdivisions < 0:
             raise ConfigError("code_size must be at least 4, cage_subdivisions at least 0.")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for config.json and checkpoints."""
-        return dataclasses.asdict(self)
 
 
 class VertexDecoder(nn.Module):

@@ -8,7 +8,6 @@ trained is given a code by descent on the distance of flown sources; sources are
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from kpred.errors import ConfigError
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.typing import Float, Int
 from kpred.peers.networks.known_shapes import CODE_RATE, known_rows
 
@@ -25,7 +25,7 @@ CODE_SPREAD = 0.1
 
 
 @dataclass(frozen=True)
-class ShapeFlowConfig:
+class ShapeFlowConfig(PlainConfig):
     """Architecture of one category's network.
 
     Attributes:
@@ -47,7 +47,7 @@ class ShapeFlowConfig:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for config.json and checkpoints."""
-        return {**dataclasses.asdict(self), "sources": list(self.sources)}
+        return {**super().to_dict(), "sources": list(self.sources)}
 
 
 class ShapeFlow(nn.Module):

@@ -10,14 +10,13 @@ may belong to many whole ones, and each point of the sphere stands for one of th
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 from torch import Tensor, nn
 from torch.nn import functional
 
 from kpred.errors import ConfigError
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.typing import Float
 from kpred.peers.networks.part_attention import PartAttention
 from kpred.peers.networks.part_boxes import PartBoxes
@@ -25,7 +24,7 @@ from kpred.peers.networks.pointnet import POINT_FEATURES, PointNet
 
 
 @dataclass(frozen=True)
-class URedConfig:
+class URedConfig(PlainConfig):
     """Architecture of one category's network.
 
     Attributes:
@@ -43,10 +42,6 @@ class URedConfig:
     def __post_init__(self) -> None:
         if min(self.parts, self.width, self.rounds, self.heads) < 1 or self.width % self.heads:
             raise ConfigError("parts, width, rounds and heads must be at least 1, and the heads must divide the width.")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for config.json and checkpoints."""
-        return dataclasses.asdict(self)
 
 
 class PointDecoder(nn.Module):

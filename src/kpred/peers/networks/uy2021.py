@@ -9,7 +9,6 @@ retrieved.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from kpred.errors import ConfigError
+from kpred.nn.plain_config import PlainConfig
 from kpred.ops.typing import Float, Int
 from kpred.peers.networks.known_shapes import CODE_RATE, known_rows
 from kpred.peers.networks.part_boxes import PartBoxes
@@ -32,7 +32,7 @@ neither even nor certain."""
 
 
 @dataclass(frozen=True)
-class Uy2021Config:
+class Uy2021Config(PlainConfig):
     """Architecture of one category's network.
 
     Attributes:
@@ -54,7 +54,7 @@ class Uy2021Config:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for config.json and checkpoints."""
-        return {**dataclasses.asdict(self), "sources": list(self.sources)}
+        return {**super().to_dict(), "sources": list(self.sources)}
 
 
 class Uy2021(nn.Module):
