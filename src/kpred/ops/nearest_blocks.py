@@ -15,7 +15,7 @@ import numpy as np
 
 from kpred.ops.worksharing import parallel_for
 
-LANES = 64
+LANES = 32
 """Queries at a time."""
 
 PACK = 16
@@ -126,18 +126,38 @@ def _sort_all(clouds, order, first, last):
         sort_cloud(clouds[b], order[b])
 
 
+@numba.njit(fastmath=FASTMATH)
+@no_type_check
+def squared(x, y, z):
+    """Return the squared length of a vector."""
+    return x * x + y * y + z * z
+
+
+@numba.njit(fastmath=FASTMATH)
+@no_type_check
+def _nearer(squared, row, best, where):
+    """Return the nearer of two points, the lower row of equally near ones."""
+    closer = (squared < best) | ((squared == best) & (row < where))
+    return squared if closer else best, row if closer else where
+
+
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def _look(block, qx, qy, qz, best, where, points, order):
     """Compare the queries with one block and return their largest distance."""
-    for p in range(block * PACK, (block + 1) * PACK):
-        rx, ry, rz, row = points[0, p], points[1, p], points[2, p], order[p]
+    # Four points a pass: what is known of the queries is then loaded and stored a quarter as often.
+    for p in range(block * PACK, (block + 1) * PACK, 4):
+        ax, ay, az, a = points[0, p], points[1, p], points[2, p], order[p]
+        bx, by, bz, b = points[0, p + 1], points[1, p + 1], points[2, p + 1], order[p + 1]
+        cx, cy, cz, c = points[0, p + 2], points[1, p + 2], points[2, p + 2], order[p + 2]
+        dx, dy, dz, d = points[0, p + 3], points[1, p + 3], points[2, p + 3], order[p + 3]
         for lane in range(LANES):
-            dx, dy, dz = qx[lane] - rx, qy[lane] - ry, qz[lane] - rz
-            squared = dx * dx + dy * dy + dz * dz
-            closer = (squared < best[lane]) | ((squared == best[lane]) & (row < where[lane]))
-            best[lane] = squared if closer else best[lane]
-            where[lane] = row if closer else where[lane]
+            x, y, z, near, row = qx[lane], qy[lane], qz[lane], best[lane], where[lane]
+            near, row = _nearer(squared(x - ax, y - ay, z - az), a, near, row)
+            near, row = _nearer(squared(x - bx, y - by, z - bz), b, near, row)
+            near, row = _nearer(squared(x - cx, y - cy, z - cz), c, near, row)
+            near, row = _nearer(squared(x - dx, y - dy, z - dz), d, near, row)
+            best[lane], where[lane] = near, row
     worst = np.float32(0)
     for lane in range(LANES):
         worst = best[lane] if best[lane] > worst else worst

@@ -12,13 +12,32 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from kpred.ops.nearest_blocks import MIN_BLOCK_POINTS, PACK, nearest_blocks, search_sorted, sort_cloud, sort_reference
+from kpred.ops.nearest_blocks import (
+    FASTMATH,
+    MIN_BLOCK_POINTS,
+    PACK,
+    nearest_blocks,
+    search_sorted,
+    sort_cloud,
+    sort_reference,
+    squared,
+)
+from kpred.ops.nearest_blocks import LANES as SORTED_LANES
 from kpred.ops.worksharing import parallel_for
 
 LANES = 64
+"""Queries at a time."""
 
 
-@numba.njit(fastmath={"nnan", "nsz", "contract", "reassoc"}, cache=True, nogil=True)
+@numba.njit(fastmath=FASTMATH)
+@no_type_check
+def _nearer(length, row, best, where):
+    """Return the nearer of two points; of equally near ones the first."""
+    closer = length < best
+    return length if closer else best, row if closer else where
+
+
+@numba.njit(fastmath=FASTMATH, cache=True, nogil=True)
 @no_type_check
 def _nearest(query, reference, distance, index, first, last):
     count = query.shape[1]
@@ -29,27 +48,38 @@ def _nearest(query, reference, distance, index, first, last):
     best = np.empty(LANES, np.float32)
     where = np.empty(LANES, np.int32)
     for job in range(first, last):
-        b, start = job // blocks, (job % blocks) * LANES
+        cloud, start = job // blocks, (job % blocks) * LANES
         # A single cloud stands for all of the batch.
-        own = b if len(query) > 1 else 0
-        other = b if len(reference) > 1 else 0
+        own = cloud if len(query) > 1 else 0
+        other = cloud if len(reference) > 1 else 0
         for lane in range(LANES):
             row = min(start + lane, count - 1)
             qx[lane], qy[lane], qz[lane] = query[own, row, 0], query[own, row, 1], query[own, row, 2]
             best[lane] = np.float32(3.0e38)
             where[lane] = 0
-        for j in range(reference.shape[1]):
-            rx, ry, rz = reference[other, j, 0], reference[other, j, 1], reference[other, j, 2]
-            column = np.int32(j)
+        points = reference[other]
+        whole = len(points) - len(points) % 4
+        # Four points a pass: what is known of the queries is then loaded and stored a quarter as often.
+        for j in range(0, whole, 4):
+            ax, ay, az, a = points[j, 0], points[j, 1], points[j, 2], np.int32(j)
+            bx, by, bz, b = points[j + 1, 0], points[j + 1, 1], points[j + 1, 2], np.int32(j + 1)
+            cx, cy, cz, c = points[j + 2, 0], points[j + 2, 1], points[j + 2, 2], np.int32(j + 2)
+            dx, dy, dz, d = points[j + 3, 0], points[j + 3, 1], points[j + 3, 2], np.int32(j + 3)
             for lane in range(LANES):
-                dx, dy, dz = qx[lane] - rx, qy[lane] - ry, qz[lane] - rz
-                squared = dx * dx + dy * dy + dz * dz
-                closer = squared < best[lane]
-                best[lane] = squared if closer else best[lane]
-                where[lane] = column if closer else where[lane]
+                x, y, z, near, row = qx[lane], qy[lane], qz[lane], best[lane], where[lane]
+                near, row = _nearer(squared(x - ax, y - ay, z - az), a, near, row)
+                near, row = _nearer(squared(x - bx, y - by, z - bz), b, near, row)
+                near, row = _nearer(squared(x - cx, y - cy, z - cz), c, near, row)
+                near, row = _nearer(squared(x - dx, y - dy, z - dz), d, near, row)
+                best[lane], where[lane] = near, row
+        for j in range(whole, len(points)):
+            ax, ay, az, a = points[j, 0], points[j, 1], points[j, 2], np.int32(j)
+            for lane in range(LANES):
+                length = squared(qx[lane] - ax, qy[lane] - ay, qz[lane] - az)
+                best[lane], where[lane] = _nearer(length, a, best[lane], where[lane])
         for lane in range(min(LANES, count - start)):
-            distance[b, start + lane] = best[lane]
-            index[b, start + lane] = where[lane]
+            distance[cloud, start + lane] = best[lane]
+            index[cloud, start + lane] = where[lane]
 
 
 def nearest_cpu(query: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,5 +123,5 @@ def nearest_of_one(query, reference):
     query_order = np.empty((1, len(query)), np.int32)
     sort_reference(references, points, order, box, 0, 1)
     sort_cloud(query, query_order[0])
-    search_sorted(queries, query_order, points, order, box, distance, index, 0, groups)
+    search_sorted(queries, query_order, points, order, box, distance, index, 0, -(-len(query) // SORTED_LANES))
     return distance[0], index[0]
