@@ -7,7 +7,7 @@ from typing import no_type_check
 import numba
 import numpy as np
 
-from kpred.refinement.equations_cpu import solve
+from kpred.refinement.equations_cpu import FASTMATH, solve
 from kpred.refinement.matching_cpu import hold, match, seen_points
 
 YAW_PRIOR = 1e-3
@@ -35,36 +35,13 @@ def place_rounds(
         for axis in range(3):
             moved[i, axis] = start[i, axis]
     normal, right = np.zeros((7, 7)), np.zeros(7)
-    columns = np.zeros((3, 7))
-    local = np.zeros(3)
     for iteration in range(rounds):
         match(moved, facing, False, goal, visible, seen, iteration % 2, robust, minimum, wanted)
         hold(wanted, held, start)
+        moments = _moments(points, wanted)
         # Two steps of Gauss and Newton: the rotation is the only part that is not linear.
         for _ in range(2):
-            normal[:] = 0.0
-            right[:] = 0.0
-            c, s = np.cos(placement[0]), np.sin(placement[0])
-            for i in range(count):
-                w = wanted[i, 3]
-                if w <= 0:
-                    continue
-                for axis in range(3):
-                    local[axis] = points[i, axis]
-                x, y, z = placement[1] * local[0], placement[2] * local[1], placement[3] * local[2]
-                px, pz = c * x + s * z, -s * x + c * z
-                columns[0, 0], columns[2, 0] = pz, -px
-                columns[0, 1], columns[2, 1] = c * local[0], -s * local[0]
-                columns[1, 2] = local[1]
-                columns[0, 3], columns[2, 3] = s * local[2], c * local[2]
-                columns[0, 4], columns[1, 5], columns[2, 6] = 1.0, 1.0, 1.0
-                place = (px + placement[4], y + placement[5], pz + placement[6])
-                for axis in range(3):
-                    off = wanted[i, axis] - w * place[axis]
-                    for j in range(7):
-                        right[j] += columns[axis, j] * off
-                        for k in range(j + 1):
-                            normal[j, k] += w * columns[axis, j] * columns[axis, k]
+            _equations(moments, placement, normal, right)
             # The frame is likely right: a round table has no yaw of its own.
             normal[0, 0] += YAW_PRIOR
             right[0] -= YAW_PRIOR * placement[0]
@@ -75,6 +52,51 @@ def place_rounds(
             moved[i, 0] = c * x + s * z + placement[4]
             moved[i, 1] = y + placement[5]
             moved[i, 2] = -s * x + c * z + placement[6]
+
+
+@numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
+@no_type_check
+def _moments(points, wanted):
+    """Sum what the equations need: of weights, times coordinates and their products; of wanted places the same.
+
+    Returns:
+        w, wx, wy, wz, wxx, wyy, wzz, wxz; then u, v, q, ux, qx, vy, uz, qz of wanted places (u, v, q), which have their
+        weight in them.
+    """
+    w = wx = wy = wz = wxx = wyy = wzz = wxz = 0.0
+    u = v = q = ux = qx = vy = uz = qz = 0.0
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        a, b, c, d = wanted[i, 0], wanted[i, 1], wanted[i, 2], wanted[i, 3]
+        w, wx, wy, wz = w + d, wx + d * x, wy + d * y, wz + d * z
+        wxx, wyy, wzz, wxz = wxx + d * x * x, wyy + d * y * y, wzz + d * z * z, wxz + d * x * z
+        u, v, q = u + a, v + b, q + c
+        ux, qx, vy, uz, qz = ux + a * x, qx + c * x, vy + b * y, uz + a * z, qz + c * z
+    return w, wx, wy, wz, wxx, wyy, wzz, wxz, u, v, q, ux, qx, vy, uz, qz
+
+
+@numba.njit(cache=True, nogil=True)
+@no_type_check
+def _equations(moments, placement, normal, right):
+    """Fill the lower half of `normal` (7, 7) and `right` (7,): the least squares linearised at `placement`."""
+    w, wx, wy, wz, wxx, wyy, wzz, wxz, u, v, q, ux, qx, vy, uz, qz = moments
+    c, s = np.cos(placement[0]), np.sin(placement[0])
+    a, b, d = placement[1], placement[2], placement[3]
+    tx, ty, tz = placement[4], placement[5], placement[6]
+    # Sums of the rotated coordinates.
+    px, pz = c * a * wx + s * d * wz, c * d * wz - s * a * wx
+    normal[:] = 0.0
+    normal[0, 0] = a * a * wxx + d * d * wzz
+    normal[1, 0], normal[3, 0] = d * wxz, -a * wxz
+    normal[1, 1], normal[2, 2], normal[3, 3] = wxx, wyy, wzz
+    normal[4, 0], normal[4, 1], normal[4, 3], normal[4, 4] = pz, c * wx, s * wz, w
+    normal[5, 2], normal[5, 5] = wy, w
+    normal[6, 0], normal[6, 1], normal[6, 3], normal[6, 6] = -px, -s * wx, c * wz, w
+    right[0] = a * (-s * ux - c * qx) + d * (c * uz - s * qz) - tx * pz + tz * px
+    right[1] = c * ux - s * qx - a * wxx - (c * tx - s * tz) * wx
+    right[2] = vy - b * wyy - ty * wy
+    right[3] = s * uz + c * qz - d * wzz - (s * tx + c * tz) * wz
+    right[4], right[5], right[6] = u - px - w * tx, v - b * wy - w * ty, q - pz - w * tz
 
 
 @numba.njit(cache=True, nogil=True)
