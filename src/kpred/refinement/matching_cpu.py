@@ -115,7 +115,7 @@ def _stretched(points, axis):
 @no_type_check
 def _robust(squared, robust, minimum):
     """Weights (Q,) of matches by their squared distances; the median decides what is far. All 1 if `robust` is 0."""
-    if robust <= 0:
+    if robust <= 0 or len(squared) == 0:
         return np.ones(len(squared), np.float32)
     scale = np.float32(ranked(squared.copy(), (len(squared) - 1) // 2) * robust + minimum)
     ratio = scale / (scale + squared)

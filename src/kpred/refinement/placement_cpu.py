@@ -13,6 +13,9 @@ from kpred.refinement.matching_cpu import hold, match, seen_points
 YAW_PRIOR = 1e-3
 """Weight of the pull of the yaw toward 0, relative to the scan's."""
 
+DAMPING = 1e-6
+"""Weight of each unknown's step: where points are too few to tell, it stays as it is."""
+
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
@@ -133,7 +136,7 @@ def _step(normal, right, placement, per_axis, free_yaw, free_size):
         if not free_size or (one_size and axis > 0):
             normal[1 + axis, 1 + axis] += 1e6
     for j in range(7):
-        normal[j, j] += 1e-9
+        normal[j, j] += DAMPING
     solve(normal, right)
     step = right
     if one_size:
