@@ -7,11 +7,11 @@ from kpred.database import Database
 from kpred.fitting import bundled_database_path, sample_scan
 from kpred.fitting.options import FitOptions
 from kpred.fitting.stages import Context
+from kpred.refinement.part_points import affine_solution
 from kpred.refinement.structure_basis import structure_basis
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes import read_scan
 from kpred.studio.editable import structure_model
-from kpred.studio.part_points import affine_solution
 from kpred.studio.state import State
 from kpred.studio.structure_shape import StructureShape
 

@@ -17,6 +17,7 @@ from kpred.refinement.config import Deform as Deform
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import COSTS, Step, distances, spacing
+from kpred.refinement.score_cpu import squared_diagonal
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_fit import OUTSIDE, Evidence, fit_structure
 
@@ -201,8 +202,8 @@ class _Work:
 
     def _spacing(self, row: int, moved: np.ndarray) -> float:
         """Spacing of a result's points: that of the model's, which grows with its box."""
-        extent, before = np.ptp(moved, axis=0), np.ptp(self.points[row], axis=0)
-        return self.models[row].spacing * float(extent @ extent) / max(float(before @ before), 1e-12)
+        model = self.models[row]
+        return model.spacing * squared_diagonal(moved) / max(model.squared_diagonal, 1e-12)
 
     def _hidden(self, row: int) -> np.ndarray:
         """Compute how surely each point of a model, where the keypoints put it, was not seen."""

@@ -8,7 +8,11 @@ from itertools import product
 
 import numpy as np
 
+from kpred.fitting.candidates import MAX_MODELS
 from kpred.fitting.explanation import Deformed, Explanation
+from kpred.lru_cache import LruCache
+from kpred.refinement.part_points import PartPoints
+from kpred.refinement.structure_basis import StructureBasis
 from kpred.shapes.structure.cleanliness import contact_gaps
 from kpred.shapes.structure.part_maps import fit_part_maps
 
@@ -23,6 +27,8 @@ DOUBT_WIDTH = 0.06
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))
 
+_corners: LruCache[StructureBasis, PartPoints] = LruCache(MAX_MODELS)
+
 
 def joint_gap(explanation: Explanation) -> float:
     """Measure the gap that opened where parts touched, 95th percentile, as a fraction of the longest side; 0 if none.
@@ -34,12 +40,23 @@ def joint_gap(explanation: Explanation) -> float:
     structure = explanation.structure.basis.structure
     if not len(structure.contact_points):
         return 0.0
-    local = np.take_along_axis(structure.boxes, _CORNERS[None], axis=1)
-    corners = np.einsum("cnk,ckj->cnj", local, structure.axes).reshape(-1, 3)
-    parts = np.repeat(np.arange(structure.parts), len(_CORNERS))
-    maps = fit_part_maps(corners, explanation.structure(corners, parts), parts, structure.parts)
+    corners = corner_points(explanation.structure.basis)
+    moved = corners.moved(explanation.structure.solution)
+    maps = fit_part_maps(corners.points, moved, corners.parts, structure.parts)
     gaps = contact_gaps(maps, structure.contact_points, structure.contact_parts, structure.axes, structure.boxes)
     return float(np.quantile(gaps, 0.95)) / max(float(np.ptp(explanation.points, axis=0).max()), 1e-9)
+
+
+def corner_points(basis: StructureBasis) -> PartPoints:
+    """Build the corners (8 C, 3) of the boxes of a model's C parts, cached in memory; unit box."""
+    found = _corners.get(basis)
+    if found is None:
+        structure = basis.structure
+        local = np.take_along_axis(structure.boxes, _CORNERS[None], axis=1)
+        places = np.einsum("cnk,ckj->cnj", local, structure.axes).reshape(-1, 3)
+        found = PartPoints(basis, places, np.repeat(np.arange(structure.parts), len(_CORNERS)))
+        _corners.put(basis, found)
+    return found
 
 
 def unbroken_first(deformed: Deformed, order: Sequence[int]) -> list[int]:

@@ -10,6 +10,8 @@ import numpy as np
 from kpred.ops.typing import Float, Int
 from kpred.ops.worksharing import parallel_for
 
+FASTMATH = {"nnan", "nsz", "contract", "reassoc"}
+
 _STEPS = 4
 """Elementary steps of one point and one face."""
 
@@ -25,10 +27,10 @@ def closest_points(
     corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
     queries = np.ascontiguousarray(points, dtype=np.float64)
     planes = _planes(corners)
-    middles = corners.mean(axis=1)
-    reach = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
+    # One row a number, so that those of many faces are computed at a time: box and middle of each face.
+    bounds = np.ascontiguousarray(np.concatenate([corners.min(axis=1), corners.max(axis=1), corners.mean(axis=1)], 1).T)
     parallel_for(
-        lambda first, last: _closest(queries, corners, planes, middles, reach, squared, face, first, last),
+        lambda first, last: _closest(queries, corners, planes, bounds, squared, face, first, last),
         len(points),
         _STEPS * len(points) * len(faces),
     )
@@ -51,25 +53,41 @@ def _planes(corners):
     return found
 
 
+@numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
+@no_type_check
+def _bounds(x, y, z, low_x, low_y, low_z, high_x, high_y, high_z, middle_x, middle_y, middle_z, near):
+    """Fill `near` (F,) with the squared distance from each face's box; return that from the nearest face's middle."""
+    bound = 1e300
+    for f in range(len(near)):
+        dx, dy, dz = (
+            max(low_x[f] - x, x - high_x[f]),
+            max(low_y[f] - y, y - high_y[f]),
+            max(low_z[f] - z, z - high_z[f]),
+        )
+        dx, dy, dz = max(dx, 0.0), max(dy, 0.0), max(dz, 0.0)
+        near[f] = dx * dx + dy * dy + dz * dz
+        dx, dy, dz = x - middle_x[f], y - middle_y[f], z - middle_z[f]
+        bound = min(bound, dx * dx + dy * dy + dz * dz)
+    return bound
+
+
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _closest(points, corners, planes, middles, reach, squared, face, first, last):
+def _closest(points, corners, planes, bounds, squared, face, first, last):
+    near = np.empty(len(corners))
     for p in range(first, last):
         x, y, z = points[p]
-        # No face is farther than the far side of the sphere around it: that bounds the distance before any is tried.
-        bound = 1e300
+        # A face's middle is on it: no point is farther from the mesh than from the nearest of them.
+        bound = _bounds(
+            x, y, z, bounds[0], bounds[1], bounds[2], bounds[3], bounds[4], bounds[5], bounds[6], bounds[7], bounds[8],
+            near,
+        )  # fmt: skip
+        squared[p], face[p] = bound * (1.0 + 1e-9) + 1e-300, 0
         for f in range(len(corners)):
-            dx, dy, dz = x - middles[f, 0], y - middles[f, 1], z - middles[f, 2]
-            bound = min(bound, np.sqrt(dx * dx + dy * dy + dz * dz) + reach[f])
-        squared[p] = bound * bound * (1.0 + 1e-9) + 1e-300
-        face[p] = 0
-        for f in range(len(corners)):
+            if near[f] >= squared[p]:
+                continue
             off = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3]
             if off * off >= squared[p]:
-                continue
-            dx, dy, dz = x - middles[f, 0], y - middles[f, 1], z - middles[f, 2]
-            near = np.sqrt(dx * dx + dy * dy + dz * dz) - reach[f]
-            if near > 0.0 and near * near >= squared[p]:
                 continue
             s, t = _place(x, y, z, corners[f])
             total = 0.0

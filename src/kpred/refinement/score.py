@@ -15,6 +15,7 @@ import numpy as np
 
 from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.ops.typing import Float
+from kpred.refinement.score_cpu import mean_distances
 
 Step = Literal["none", "scale", "structure", "free", "paper"]
 
@@ -89,11 +90,8 @@ def distances(
         spacings: of the scan and of the result (`spacing`); visible: how surely each point of the result was seen.
         step: every `step`-th point of each cloud is a query, searched among all points of the other.
     """
-    forth, _ = nearest_of_one(np.ascontiguousarray(goal[::step]), result)
-    back, _ = nearest_of_one(np.ascontiguousarray(result[::step]), goal)
-    seen = float(visible.mean())
-    some, total = visible[::step], max(seen, MIN_SEEN)
-    weighted = float((some * back).mean()) / total
-    bounded = float(np.minimum(forth, STRAY**2).mean() + (some * np.minimum(back, STRAY**2)).mean() / total)
+    means = mean_distances(np.ascontiguousarray(goal), np.ascontiguousarray(result), visible, step, STRAY**2)
+    forth, forth_bounded, back, back_bounded, seen = means
+    total = max(seen, MIN_SEEN)
     floor = spacings[1] + spacings[0] * min(1.0, seen / MIN_SEEN)
-    return Distances(float(forth.mean()), weighted, bounded, floor, seen)
+    return Distances(forth, back / total, forth_bounded + back_bounded / total, floor, seen)

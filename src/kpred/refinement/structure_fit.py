@@ -17,7 +17,9 @@ from kpred.refinement.freedom import (
     spline_slopes,
     spline_spans,
 )
+from kpred.refinement.part_points import PartPoints
 from kpred.refinement.score import spacing
+from kpred.refinement.score_cpu import squared_diagonal
 from kpred.refinement.structure_apply_cpu import apply_columns
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
@@ -58,17 +60,7 @@ class StructureMap:
         self, points: Float[np.ndarray, "points 3"], parts: Int[np.ndarray, " points"]
     ) -> Float[np.ndarray, "points 3"]:
         """Move points of the given parts."""
-        basis = self.basis
-        order = np.argsort(parts, kind="stable")
-        place = np.ascontiguousarray(points[order], dtype=np.float64)
-        bounds = np.searchsorted(parts[order], np.arange(basis.structure.parts + 1))
-        moved = np.empty_like(place)
-        boxes = (basis.group, part_boxes(basis), basis.lean_axis)
-        columns = basis.columns(place, parts[order])
-        apply_columns(*columns, bounds, *boxes, place, self.solution, basis.growth, growth_limits(basis), moved)
-        found = np.empty_like(moved)
-        found[order] = moved
-        return found
+        return PartPoints(self.basis, points, parts).moved(self.solution)
 
     def growth(self) -> Float[np.ndarray, "parts 3"]:
         """Factor by which each side of each part grows."""
@@ -150,6 +142,11 @@ class StructureModel:
     def spacing(self) -> float:
         """Mean squared distance between two samples of the model's surface, unit box."""
         return spacing(np.asarray(self.points, dtype=np.float32))
+
+    @cached_property
+    def squared_diagonal(self) -> float:
+        """Squared diagonal of the box of the model's points, unit box."""
+        return float(squared_diagonal(self.points))
 
     @cached_property
     def heights(self) -> Float[np.ndarray, " points"]:

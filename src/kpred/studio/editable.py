@@ -13,9 +13,9 @@ from kpred.fitting.placed import SURFACE_POINTS
 from kpred.fitting.result import Fit
 from kpred.ops.closest_point import closest_points
 from kpred.ops.typing import Float
+from kpred.refinement.part_points import PartPoints, affine_solution
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
-from kpred.studio.part_points import PartPoints, affine_solution
 from kpred.studio.shape import Shape
 from kpred.studio.smooth_shape import SmoothModel, SmoothShape
 from kpred.studio.structure_shape import StructureModel, StructureShape

@@ -8,9 +8,9 @@ import numpy as np
 
 from kpred.ops.nearest_cpu import nearest_of_one
 from kpred.ops.typing import Bool, Float, Int
+from kpred.refinement.part_points import PartPoints
 from kpred.refinement.structure_basis import StructureBasis
 from kpred.studio.limits import Limits
-from kpred.studio.part_points import PartPoints
 from kpred.studio.shape import SEEN_DISTANCE
 
 ROUNDS = 10

@@ -14,10 +14,10 @@ import numpy as np
 
 from kpred.errors import ConfigError
 from kpred.ops.typing import Float, Int
+from kpred.refinement.part_points import PartPoints
 from kpred.refinement.structure_basis import KINDS, StructureBasis
 from kpred.studio.gestures import WHOLE
 from kpred.studio.limits import Limits
-from kpred.studio.part_points import PartPoints
 from kpred.studio.refit import refit_solution
 from kpred.studio.shape import Held, Shape
 
