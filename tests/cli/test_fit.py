@@ -277,3 +277,14 @@ def test_without_a_name_the_result_lies_in_this_folder(
     (tmp_path / "scan_fitted.json").write_text("{}")
     capsys.readouterr()
     assert "kpred did not make it" in refusal(*line)
+
+
+def test_a_report_is_written_with_the_result_and_refused_before_the_work(
+    line: list[object], tmp_path: Path, run_json: Run, refusal: Callable[..., str]
+) -> None:
+    assert "does not exist" in refusal(*line, "--report", tmp_path / "none" / "a.html")
+    assert "reports are .html files" in refusal(*line, "--report", tmp_path / "a.txt")
+    assert not list(tmp_path.iterdir())
+    found = run_json(*line, "--report", tmp_path / "a.html")
+    assert str(tmp_path / "a.html") in found["files"]
+    assert found["model_id"] in (tmp_path / "a.html").read_text()

@@ -79,12 +79,13 @@ def test_a_scene_is_fitted_and_told(files: Path, tmp_path: Path, capsys: pytest.
 
 
 def test_table_and_picture_for_people(files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(words(files, tmp_path / "scene.glb")) == OK
+    assert main([*words(files, tmp_path / "scene.glb"), "--report", str(tmp_path / "room.html")]) == OK
     printed = capsys.readouterr()
     assert "scene room" in printed.out
     for word in ("left", "right", "fern", "mean distance", "skipped", "wrote"):
         assert word in printed.out
     assert (tmp_path / "scene.png").stat().st_size > 10_000
+    assert "2 of 5 objects have a CAD model" in (tmp_path / "room.html").read_text()
 
 
 def test_confidence_and_doubts_of_each_object_are_shown(

@@ -143,6 +143,7 @@ def fit_task(
             "confidence": found.confidence,
             "error": found.source.error,
             "warnings": len(found.warnings),
+            "record": f"{task.stem}.json",
             "mesh": mesh,
         }
         found = replace(found, source_data=found.source_data.from_file(task.path))

@@ -29,6 +29,7 @@ class FitCommand(Command):
       kpred fit chair.ply -o chair.obj
       kpred fit scan.xyz -o table.glb --category table --top-k 25
       kpred fit scan.npy -o result.ply --database mine.kpred --frame known --deform paper --json
+      kpred fit chair.ply -o chair.obj --report chair.html
       kpred fit chair.ply -o chair.obj --deform none
       kpred fit desk.ply -o desk.obj --database mine.kpred --model-id desk_0042 --deform structure
       kpred fit corner.pcd -o chair.stl --up z --partial yes --floor 0
@@ -78,6 +79,8 @@ class FitCommand(Command):
     """Density of the furniture, for simulations (.urdf .sdf .xml)"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
+    report: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Write a page about the fit too (.html): picture, 3D view, numbers, candidates; it needs no other file"""
     overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
     """Replace files beside OUT (record, picture) that kpred did not make"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
@@ -97,12 +100,15 @@ class FitCommand(Command):
         from kpred.database import Database
         from kpred.fitting.pipeline import fit
         from kpred.nn import load_model
+        from kpred.reports.page import check_report
         from kpred.shapes import read_scan
         from kpred.shapes.mesh_output import check_precision
 
         self._check()
         target = self.output or default_output(self.scan)
         more = [] if self.output is not None else [target]
+        if self.report is not None:
+            check_report(self.report)
         check_output(target, self.scan, self.overwrite, self.picture, more)
         scan = read_scan(self.scan)
         check_precision(target, scan)
@@ -128,7 +134,15 @@ class FitCommand(Command):
             unit=self.unit,
         )
         result = replace(result, source_data=result.source_data.from_file(self.scan))
-        files = write_files(result, scan, target, scan_path=self.scan, picture=self.picture, density=self.density)
+        files = write_files(
+            result,
+            scan,
+            target,
+            scan_path=self.scan,
+            picture=self.picture,
+            density=self.density,
+            report=self.report,
+        )
         describe(output, result, files)
 
     def _check(self) -> None:

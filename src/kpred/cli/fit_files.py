@@ -77,12 +77,13 @@ def write_files(
     scan_path: Path,
     picture: bool = True,
     density: float | None = None,
+    report: Path | None = None,
     more: Mapping[Path, Callable[[Path], object]] | None = None,
 ) -> list[Path]:
     """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
 
     All of them or none, `more` included: files with what writes them (`kpred.atomic.write_together`).
-    `density`: of furniture in simulations, kg per cubic metre; by default that of wood.
+    `density`: of furniture in simulations, kg per cubic metre; by default that of wood. `report`: page to write, too.
 
     Raises:
         OutputError: a file cannot be written there.
@@ -90,6 +91,7 @@ def write_files(
     from kpred.atomic import write_together
     from kpred.exports.furniture import WOOD
     from kpred.fitting.export import result_writers
+    from kpred.reports.fit_report import fit_report
 
     mesh_file, record_file, picture_file = _files(path)
     record = {**fit.record(), "scan": scan_path, "mesh": mesh_file}
@@ -100,8 +102,12 @@ def write_files(
             **result_writers(fit, mesh_file, WOOD if density is None else density),
             record_file: lambda file: file.write_text(text, encoding="utf-8"),
         }
-        if picture and _drawn(fit, scan, scratch):
+        drawn = scratch if picture and _drawn(fit, scan, scratch) else None
+        if drawn is not None:
             writers[picture_file] = lambda file: shutil.copyfile(scratch, file)
+        if report is not None:
+            page = fit_report(fit, scan, scan_path.name, drawn)
+            writers[report] = lambda file: file.write_text(page, encoding="utf-8")
         writers |= more or {}
         write_together(writers)
     return list(writers)

@@ -27,6 +27,7 @@ class FitManyCommand(Command):
 
     examples:
       kpred fit-many scans/ -o fitted/
+      kpred fit-many scans/ -o fitted/ --report fitted.html
       kpred fit-many scans.parquet -o fitted/ --category chair --workers 8
       kpred fit-many scans/ -o placed/ --deform scale --mesh .glb
       kpred fit-many s3_copy/scans.parquet -o /shared/fitted --ray auto --mesh .glb
@@ -60,6 +61,8 @@ class FitManyCommand(Command):
     """Kind of mesh files, any that kpred fit writes (.glb, .usdz, .xml, ...); none writes records alone"""
     unit: UnitName | Literal["auto"] = "auto"
     """Unit of the scans' lengths, for mesh files in metres; auto guesses it for each from its size"""
+    report: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Write a page about the batch too (.html): what failed first, a sheet of pictures, a table to sort"""
     workers: Annotated[int | None, arg(metavar="N")] = None
     """Processes of one thread each; without it, one a core (on Ray, one a CPU of the cluster)"""
     ray: Annotated[str | None, arg(metavar="ADDRESS")] = None
@@ -77,6 +80,7 @@ class FitManyCommand(Command):
         from kpred.batch.worker import BatchSettings
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ScanError
+        from kpred.reports.page import check_report
 
         settings = BatchSettings(
             model=self.model,
@@ -92,6 +96,8 @@ class FitManyCommand(Command):
             mesh="" if self.mesh == "none" else f".{self.mesh.lower().removeprefix('.')}",
             time_limit=self.time_limit,
         )
+        if self.report is not None:
+            check_report(self.report)
         target = self.output or Path(f"{self.source.resolve().stem}_fitted")
         total = count_scans(self.source) if self.source.exists() else None
         try:
@@ -114,8 +120,21 @@ class FitManyCommand(Command):
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"what is in {target} is whole, and the same command goes on with it") from error
         self._report(output, report, target)
+        if self.report is not None:
+            self._write_report(output, target, self.report)
         if report.failed and not report.fitted and not report.present:
             raise ScanError(f"{self.source}: none of its {len(report.failed)} scans could be fitted.")
+
+    def _write_report(self, output: Output, folder: Path, file: Path) -> None:
+        from kpred.cli.progress import ProgressBar
+        from kpred.reports.batch_report import batch_report
+        from kpred.reports.page import save_report
+
+        source = self.source.resolve() if self.source.is_dir() else None
+        with ProgressBar() as bar:
+            text = batch_report(folder, source, lambda done, total: bar.update("drawing scans", done, total))
+        save_report(file, text)
+        output.note(f"wrote {file}")
 
     def _report(self, output: Output, report: BatchReport, target: Path) -> None:
         """Print the numbers, what failed and what was left out."""

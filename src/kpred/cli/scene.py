@@ -32,6 +32,7 @@ class SceneCommand(Command):
 
     examples:
       kpred scene room.ply -o room.glb
+      kpred scene room.ply -o room.glb --report room.html
       kpred scene scene0470_00_vh_clean_2.ply --objects full_annotations.json -o scene.glb
       kpred scene scene0470_00_vh_clean_2.ply --objects scene0470_00.aggregation.json -o scene.glb
       kpred scene room.ply --objects boxes.json -o room.glb --up y --no-picture
@@ -66,6 +67,8 @@ class SceneCommand(Command):
     """Do not take objects to stand on the scene's floor, where their feet were not scanned"""
     picture: Annotated[bool, arg(help_behavior_hint="")] = True
     """Write no picture"""
+    report: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Write a page about the room too (.html): every object beside its scan, a 3D view, what stayed unexplained"""
     overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
     """Replace files beside OUT (record, alignments, picture) that kpred did not make"""
 
@@ -76,10 +79,13 @@ class SceneCommand(Command):
         from kpred.errors import ScanError
         from kpred.fitting.fit_room import fit_room
         from kpred.fitting.fit_scene import fit_scene
+        from kpred.reports.page import check_report
         from kpred.scenes.objects import objects_of
         from kpred.scenes.scene import read_scene, scene_name
 
         _check_output(self._files(scene_name(self.scene)), [self.scene, self.objects, self.labels])
+        if self.report is not None:
+            check_report(self.report)
         if not self.overwrite:
             check_foreign(self.output.with_suffix(".json"), self._files(scene_name(self.scene))[1:])
         scene = read_scene(self.scene, None if self.up == "auto" else self.up, self.labels)
@@ -126,6 +132,7 @@ class SceneCommand(Command):
         from kpred.atomic import write_together
         from kpred.json_output import json_text
         from kpred.rendering.scene_picture import save_scene_picture
+        from kpred.reports.room_report import room_report
 
         glb, record_file, annotation, lines, picture = self._files(result.scene.name)
         record = {"kpred": __version__, "scan": self.scene, "glb": glb, **result.to_json(glb.name)}
@@ -145,8 +152,12 @@ class SceneCommand(Command):
                 annotation: json_writer(record["scan2cad"]),
                 lines: result.to_csv,
             }
-            if self.picture and save_scene_picture(result, scratch):
+            drawn = scratch if self.picture and save_scene_picture(result, scratch) else None
+            if drawn is not None:
                 writers[picture] = lambda file: shutil.copyfile(scratch, file)
+            if self.report is not None:
+                page = room_report(result, drawn)
+                writers[self.report] = lambda file: file.write_text(page, encoding="utf-8")
             write_together(writers)
         return list(writers)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kpred.errors import KpredError
 from kpred.fitting.result import Fit
-from kpred.studio.deviations import Deviations
+from kpred.rendering.deviations import Deviations
 from kpred.studio.fit_controls import FitControls
 from kpred.studio.gestures import WHOLE, Crop, Gesture, Vector
 from kpred.studio.live_drag import LiveDrag, Motion

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kpred.ops.typing import Float
-from kpred.studio.deviations import Deviations
+from kpred.rendering.deviations import Deviations
 from kpred.studio.shape import Shape
 from kpred.studio.state import State
 

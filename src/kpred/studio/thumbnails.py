@@ -9,16 +9,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from kpred.fitting.result import Fit
 from kpred.ops.typing import UInt8
-from kpred.rendering.overlay import draw_overlay
-from kpred.rendering.view import square_camera
+from kpred.rendering.thumbnail import draw_thumbnail
 
 SIDE, COLUMNS = 72, 5
 """Width and height of a thumbnail, pixels; thumbnails in a row."""
 
-FINE = 2
-"""They are drawn so many times as large, for thin outlines."""
-
-_FOCAL, _TEXT, _CHOSEN = 2.2, (40, 40, 40), (33, 102, 172)
+_TEXT, _CHOSEN = (40, 40, 40), (33, 102, 172)
 
 
 def candidate_thumbnails(fit: Fit) -> list[UInt8[np.ndarray, "side side 3"]]:
@@ -27,12 +23,7 @@ def candidate_thumbnails(fit: Fit) -> list[UInt8[np.ndarray, "side side 3"]]:
     for rank in range(len(fit.candidates)):
         mesh = fit.candidate(rank)
         vertices = fit.frame.to_unit(np.asarray(mesh.vertices, dtype=np.float64))
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        radius = float(np.linalg.norm(high - low)) / 2 or 1.0
-        camera = square_camera((low + high) / 2, _FOCAL * radius * 1.2, _FOCAL, FINE * SIDE)
-        canvas = np.full((FINE * SIDE, FINE * SIDE, 3), 255, np.uint8)
-        drawn = draw_overlay(canvas, vertices, np.asarray(mesh.faces), camera, 1.0)
-        found.append(np.asarray(Image.fromarray(drawn).resize((SIDE, SIDE), Image.Resampling.LANCZOS)))
+        found.append(draw_thumbnail(vertices, np.asarray(mesh.faces), SIDE))
     return found
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from kpred.studio.deviations import FAR, FAR_COLOR, MIDDLE_COLOR, MIN_SHOWN, NEAR_COLOR, Deviations, thinned
+from kpred.rendering.deviations import FAR, FAR_COLOR, MIDDLE_COLOR, MIN_SHOWN, NEAR_COLOR, Deviations, thinned
 
 
 def test_distances_are_those_to_the_surface_and_colours_follow_them() -> None:

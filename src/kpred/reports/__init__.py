@@ -1,0 +1,1 @@
+"""Reports: one HTML file that needs nothing else, of a fit, a batch or a room."""
