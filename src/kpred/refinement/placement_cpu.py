@@ -14,7 +14,7 @@ YAW_PRIOR = 1e-3
 """Weight of the pull of the yaw toward 0, relative to the scan's."""
 
 DAMPING = 1e-6
-"""Weight of each unknown's step: where points are too few to tell, it stays as it is."""
+"""Weight of the step of each unknown: one that the points do not determine stays as it is."""
 
 
 @numba.njit(cache=True, nogil=True)
