@@ -125,6 +125,7 @@ COVERED_BY = {
     "synthetic/*.py": "synthetic/test_generator.py",
     "synthetic/*/*.py": "synthetic/test_families.py",
     "synthetic/coarse/*.py": "synthetic/test_coarse.py",
+    "synthetic/furnishings/*.py": "synthetic/test_furnishings.py",
     "synthetic/others/*.py": "synthetic/test_others.py",
     "synthetic/rooms/*.py": "synthetic/rooms/test_rooms.py",
     "training/*.py": "training/test_run.py",

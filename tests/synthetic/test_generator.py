@@ -212,7 +212,7 @@ def test_back_parts_of_chairs_stand_behind_the_middle(family: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("lamp", 3, 0), "lamp"),
+        (("spaceship", 3, 0), "spaceship"),
         (("chair", -1, 0), "negative"),
         (("chair", 3, -1), "negative"),
         (("chair", 3, 0, 1.5), "fraction"),

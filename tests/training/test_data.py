@@ -103,3 +103,46 @@ def test_splits_and_unusable_shapes(model_config) -> None:
     assert (len(only.targets), only.sources.tolist()) == (3, [0, 2])
     with pytest.raises(PackError, match="fewer than two"):
         prepare([_pack(meshes, ["val", "source", "val", "source", "val", "train"])], network, 64, 0)
+
+
+def _mixed(model_config) -> TrainingData:
+    """Three boxes, then two chests, then one more box: numbers 0, 0, 0, 1, 1, 0."""
+    network = new_network(model_config, 0)
+    boxes = [_box(size) for size in (1, 2, 3, 4, 5, 6)]
+    chests = MeshPack.from_meshes(boxes[3:5], ["c0", "c1"], ["source", "train"], "chest")
+    packs = [_pack(boxes[:3], ["source"] * 3), chests, _pack(boxes[5:], ["source"])]
+    return prepare(packs, network, 64, 0)
+
+
+def test_categories_share_their_shapes_with_no_other(model_config) -> None:
+    data = _mixed(model_config)
+    assert data.categories is not None and data.categories.tolist() == [0, 0, 0, 1, 1, 0]
+    generator = torch.Generator().manual_seed(0)
+    wanted = data.draw_categories(64, generator, alike=4)
+    assert wanted is not None and set(wanted.tolist()) == {0, 1}
+    assert all(len(set(run.tolist())) == 1 for run in wanted.split(4))
+    rows = data.draw_sources(64, generator, wanted)
+    assert torch.equal(data.categories[data.sources[rows]], wanted)
+    assert set(rows.tolist()) == set(range(6))
+    targets = data.draw_targets(64, 200, 1.0, generator, wanted)
+    distances = torch.stack(
+        [nearest_neighbours(targets, shape.float().expand(64, -1, -1))[0].mean(1) for shape in data.pool]
+    )
+    assert torch.equal(data.categories[distances.argmin(0)], wanted)
+
+
+def test_one_category_needs_no_numbers(data: TrainingData) -> None:
+    assert data.categories is None
+    assert data.draw_categories(8, torch.Generator()) is None
+
+
+def test_a_category_without_a_source_is_named(model_config) -> None:
+    chests = MeshPack.from_meshes([_box(1), _box(2)], ["c0", "c1"], ["train", "train"], "chest")
+    with pytest.raises(PackError, match="chest"):
+        prepare(
+            [_pack([_box(1), _box(2)], ["source"] * 2), chests],
+            new_network(model_config, 0),
+            64,
+            0,
+            source_split="source",
+        )

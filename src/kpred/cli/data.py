@@ -20,17 +20,18 @@ from kpred.cli.usage import UsageError
 
 @dataclass(frozen=True, kw_only=True)
 class GenerateCommand(Command):
-    """Generate chairs, tables, cabinets or other things by seed and write them as a mesh pack.
+    """Generate furniture of a category, or things that are none, by seed and write them as a mesh pack.
 
     examples:
       kpred data generate chair -n 2000 -o chair.npz
       kpred data generate table -n 500 --seed 7 --cuboids 0.3 -o table.npz
       kpred data generate cabinet -n 500 --coarse 0.5 -o cabinet.npz
+      kpred data generate sofa -n 500 -o sofa.npz
       kpred data generate other -n 1000 -o other.npz
     """
 
     category: Annotated[Positional[str], arg(metavar="CATEGORY")]
-    """chair, table, cabinet or other: what is none of the three"""
+    """chair, table, cabinet, sofa, bed, lamp, toilet, ... (a wrong one lists all); other: no chair, table or cabinet"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
     """The pack to write (.npz)"""
     count: Annotated[int, arg(aliases=["-n"], metavar="N")] = 1000

@@ -18,7 +18,7 @@ from kpred.cli.train_confidence import ConfidenceCommand
 from kpred.cli.train_peer import PEER_COMMANDS
 from kpred.cli.train_scan_networks import RecognitionCommand, VisibilityCommand
 from kpred.cli.usage import UsageError
-from kpred.nn.config import PRESETS, ModelConfig
+from kpred.nn.config import PRESETS, SHARED, ModelConfig
 from kpred.training.config import PAPER, TrainConfig
 
 if TYPE_CHECKING:
@@ -34,7 +34,9 @@ class _TrainCommand(Command):
     stages: ClassVar[tuple[str, ...]] = STAGES
 
     packs: Annotated[Positional[tuple[Path, ...]], arg(metavar="PACK [PACK ...]", help_behavior_hint="")]
-    """Mesh packs (.npz) of one category; the splits source and train are used"""
+    """Mesh packs (.npz) of one category, or of several with --shared; the splits source and train are used"""
+    shared: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Train one network for all categories of the packs, and any other: its weights go into MODEL/any"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="FOLDER")] = None
     """Run folder: checkpoints, TensorBoard log, weights in FOLDER/model; without it, runs/CATEGORY"""
     preset: Literal["kp-red-plus", "kp-red"] = "kp-red-plus"
@@ -69,9 +71,12 @@ class _TrainCommand(Command):
         from kpred.training.run import train
 
         packs = [MeshPack.load(path) for path in self.packs]
-        categories = sorted({pack.category for pack in packs} | ({self.model.category} - {""}))
+        found = sorted({pack.category for pack in packs} | ({self.model.category} - {""}))
+        categories = [SHARED] if self.shared else found
         if len(categories) > 1:
-            raise ConfigError(f"A run trains one category, but was given {', '.join(categories)}; give packs of one.")
+            raise ConfigError(
+                f"A run trains one category, but was given {', '.join(categories)}; give packs of one, or --shared."
+            )
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}

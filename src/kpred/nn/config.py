@@ -8,6 +8,9 @@ from typing import Any, Literal
 from kpred.errors import ConfigError
 from kpred.nn.plain_config import PlainConfig
 
+SHARED = "any"
+"""Category of networks that serve every category without networks of its own."""
+
 MAX_SUBDIVISIONS = 5
 """Of the cage's icosahedron: 10,242 vertices."""
 

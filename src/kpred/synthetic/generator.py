@@ -19,8 +19,38 @@ _HOME = {
     "chair": ("chair.chair", "CHAIR_FAMILIES"),
     "table": ("table.table", "TABLE_FAMILIES"),
     "cabinet": ("cabinet.cabinet", "CABINET_FAMILIES"),
+    "sofa": ("furnishings.sofas", "SOFA_FAMILIES"),
+    "bed": ("furnishings.beds", "BED_FAMILIES"),
+    "stool": ("furnishings.stools", "STOOL_FAMILIES"),
+    "bench": ("furnishings.benches", "BENCH_FAMILIES"),
+    "lamp": ("furnishings.lamps", "LAMP_FAMILIES"),
+    "toilet": ("furnishings.bathroom", "TOILET_FAMILIES"),
+    "bathtub": ("furnishings.bathroom", "BATHTUB_FAMILIES"),
+    "sink": ("furnishings.bathroom", "SINK_FAMILIES"),
+    "fridge": ("furnishings.appliances", "FRIDGE_FAMILIES"),
+    "washing_machine": ("furnishings.appliances", "WASHING_FAMILIES"),
+    "dishwasher": ("furnishings.appliances", "DISHWASHER_FAMILIES"),
+    "oven": ("furnishings.kitchen", "OVEN_FAMILIES"),
+    "range_hood": ("furnishings.kitchen", "HOOD_FAMILIES"),
+    "microwave": ("furnishings.kitchen", "MICROWAVE_FAMILIES"),
+    "toaster": ("furnishings.kitchen", "TOASTER_FAMILIES"),
+    "display": ("furnishings.things", "DISPLAY_FAMILIES"),
+    "trash_bin": ("furnishings.things", "BIN_FAMILIES"),
+    "box": ("furnishings.things", "BOX_FAMILIES"),
+    "plant": ("furnishings.things", "PLANT_FAMILIES"),
+    "vase": ("furnishings.things", "VASE_FAMILIES"),
+    "piano": ("furnishings.things", "PIANO_FAMILIES"),
+    "door": ("furnishings.fixtures", "DOOR_FAMILIES"),
+    "window": ("furnishings.fixtures", "WINDOW_FAMILIES"),
+    "radiator": ("furnishings.fixtures", "RADIATOR_FAMILIES"),
+    "mirror": ("furnishings.fixtures", "MIRROR_FAMILIES"),
+    "fireplace": ("furnishings.fixtures", "FIREPLACE_FAMILIES"),
+    "curtain": ("furnishings.fixtures", "CURTAIN_FAMILIES"),
     "other": ("others.others", "OTHER_FAMILIES"),
 }
+COARSE = ("chair", "table", "cabinet")
+"""Categories with families of few plain boxes."""
+
 _SOURCE_FRACTION, _TRAIN_FRACTION = 0.15, 0.70
 
 
@@ -45,17 +75,18 @@ FAMILIES: Mapping[str, dict[str, Family]] = _Families()
 def generate(
     category: str, count: int, seed: int, cuboids: float = 0.0, splits: bool = True, coarse: float = 0.0
 ) -> MeshPack:
-    """Pack of `count` shapes of "chair", "table", "cabinet" or "other"; the families take turns.
+    """Pack of `count` shapes of a category of `FAMILIES`; the families take turns.
 
     Metres, y up, front +z, floor at y = 0, bounding box centred in x and z. Shape i depends only on category, seed
     and i, and a pack with a larger count begins with the same shapes. `cuboids` in [0, 1] is the fraction of shapes
     whose parts are replaced by their boxes, `coarse` that of shapes of few plain boxes (`COARSE_FAMILIES`, drawn by
-    their weights; there are none of "other"). With `splits` 15 % of shapes are source, 70 % train and 15 % val at
-    random by seed, else all are source. `model_id` is family_seed_index; extra arrays: `factory` (the family),
-    `seed`, `cuboid` (bool).
+    their weights; chairs, tables and cabinets have some). With `splits` 15 % of shapes are source, 70 % train and
+    15 % val at random by seed, else all are source. `model_id` is family_seed_index; extra arrays: `factory` (the
+    family), `seed`, `cuboid` (bool).
 
     Raises:
-        ConfigError: unknown category, negative count or seed, `cuboids` or `coarse` outside [0, 1], or coarse "other".
+        ConfigError: unknown category, negative count or seed, `cuboids` or `coarse` outside [0, 1], or a category
+            without coarse families.
 
     """
     if category not in FAMILIES:
@@ -65,8 +96,8 @@ def generate(
     for kind, fraction in (("cuboid", cuboids), ("coarse", coarse)):
         if not 0.0 <= fraction <= 1.0:
             raise ConfigError(f"the fraction of {kind} shapes must lie in [0, 1], but is {fraction}")
-    if coarse and category == "other":
-        raise ConfigError("there are no coarse shapes of 'other'; leave `coarse` at 0")
+    if coarse and category not in COARSE:
+        raise ConfigError(f"there are no coarse shapes of '{category}'; leave `coarse` at 0")
     names = list(FAMILIES[category])
     labels: dict[str, int] = {}
     meshes: list[Mesh] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -27,7 +28,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class TrainingData:
-    """Shapes of one category in their unit boxes, with the constants that depend on each shape alone.
+    """Shapes of one or several categories in their unit boxes, with the constants that depend on each shape alone.
 
     Attributes:
         pool: (shapes, POOL_POINTS, 3) surface points in random order, half precision.
@@ -36,6 +37,7 @@ class TrainingData:
         cages: (sources, cage vertices, 3); weights: (sources, P, cage vertices) mean value coordinates, half precision;
             both have no vertices where no network was given.
         model_ids: of the shapes.
+        categories: (shapes,) number of each shape's category; None where all are of one.
     """
 
     pool: Tensor
@@ -45,25 +47,37 @@ class TrainingData:
     cages: Tensor
     weights: Tensor
     model_ids: tuple[str, ...] = ()
+    categories: Tensor | None = None
 
     @property
     def device(self) -> torch.device:
         """Where all of it lies."""
         return self.pool.device
 
+    def draw_categories(self, count: int, generator: torch.Generator, alike: int = 1) -> Tensor | None:
+        """Draw (count,) categories, runs of `alike` the same; None where all shapes are of one.
+
+        A category is drawn with the root of its number of shapes: rare ones are seen often, common ones still more.
+        """
+        if self.categories is None:
+            return None
+        runs = -(-count // alike)
+        drawn = torch.multinomial(self._target_blocks.sizes.float().sqrt(), runs, True, generator=generator)
+        return drawn.repeat_interleave(alike)[:count]
+
     def draw_targets(
-        self, count: int, points: int, stretch: float, generator: torch.Generator
+        self, count: int, points: int, stretch: float, generator: torch.Generator, categories: Tensor | None = None
     ) -> Float[Tensor, "count points 3"]:
         """Draw targets: fresh points from the pool, mirrored and stretched at random, in own unit boxes."""
-        chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
+        chosen = self.targets[self._target_blocks.draw(count, categories, generator)]
         clouds = self.clouds(chosen, points, generator)
         return to_unit_box(clouds * random_factors(count, stretch, generator)) if stretch > 1 else clouds
 
     def draw_scanned_targets(
-        self, count: int, points: int, stretch: float, generator: torch.Generator
+        self, count: int, points: int, stretch: float, generator: torch.Generator, categories: Tensor | None = None
     ) -> tuple[Float[Tensor, "count points 3"], Float[Tensor, "count points 3"]]:
         """Draw targets as `draw_targets`, each with its depth view, in the target's unit box."""
-        chosen = self.targets[_integers(len(self.targets), count, generator, self.device)]
+        chosen = self.targets[self._target_blocks.draw(count, categories, generator)]
         dense = self.pool[chosen].float() * random_factors(count, stretch, generator)
         scans, clouds = random_views(dense, points, generator), self._block(dense, points, generator)
         middle, half = box_of(clouds)
@@ -79,9 +93,41 @@ class TrainingData:
         pick = (start[:, None] + torch.arange(points, device=self.device)) % POOL_POINTS
         return torch.gather(dense, 1, pick[..., None].expand(-1, -1, 3))
 
-    def draw_sources(self, count: int, generator: torch.Generator) -> Tensor:
-        """Draw random rows of `points`, `cages` and `weights`."""
-        return _integers(len(self.sources), count, generator, self.device)
+    def draw_sources(self, count: int, generator: torch.Generator, categories: Tensor | None = None) -> Tensor:
+        """Draw random rows of `points`, `cages` and `weights`, of these categories where there are several."""
+        return self._source_blocks.draw(count, categories, generator)
+
+    @cached_property
+    def _target_blocks(self) -> _Blocks:
+        return _Blocks.of(self.targets, self.categories)
+
+    @cached_property
+    def _source_blocks(self) -> _Blocks:
+        return _Blocks.of(self.sources, self.categories)
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Rows ordered by category: those of category c are `order[starts[c] : starts[c] + sizes[c]]`."""
+
+    order: Tensor
+    starts: Tensor
+    sizes: Tensor
+
+    @classmethod
+    def of(cls, shapes: Tensor, categories: Tensor | None) -> _Blocks:
+        """Order the rows of `shapes` (indices of shapes) by the shapes' categories."""
+        group = torch.zeros_like(shapes) if categories is None else categories[shapes]
+        sizes = torch.bincount(group, minlength=0 if categories is None else int(categories.max()) + 1)
+        return cls(torch.argsort(group, stable=True), sizes.cumsum(0) - sizes, sizes)
+
+    def draw(self, count: int, categories: Tensor | None, generator: torch.Generator) -> Tensor:
+        """Draw rows of these categories (count,), or of any."""
+        if categories is None:
+            return _integers(len(self.order), count, generator, self.order.device)
+        lot = torch.rand(count, generator=generator, device=self.order.device)
+        sizes = self.sizes[categories]
+        return self.order[self.starts[categories] + (lot * sizes).long().clamp(max=sizes - 1)]
 
 
 def prepare(
@@ -109,6 +155,7 @@ def prepare(
     vertices: list[Tensor] = []
     is_source: list[bool] = []
     names: list[str] = []
+    kinds: list[str] = []
     total = sum(len(pack) for pack in packs)
     for pack in packs:
         for index in range(len(pack)):
@@ -127,6 +174,7 @@ def prepare(
                 continue
             clouds.append(cloud.half())
             names.append(str(pack.model_id[index]))
+            kinds.append(pack.category)
             is_source.append(source_split is None or split == source_split)
             vertices.append(corners)
     if sum(is_source) < 2:
@@ -146,7 +194,19 @@ def prepare(
         cages=cages,
         weights=weights,
         model_ids=tuple(names),
+        categories=_numbered(kinds, is_source, device),
     )
+
+
+def _numbered(kinds: list[str], is_source: list[bool], device: torch.device | str) -> Tensor | None:
+    """Return the number of each shape's category, or None where all are of one; each must have a source."""
+    named = sorted(set(kinds))
+    if len(named) == 1:
+        return None
+    lacking = sorted(set(named) - {kind for kind, usable in zip(kinds, is_source, strict=True) if usable})
+    if lacking:
+        raise PackError(f"The mesh packs of {', '.join(lacking)} hold no source; give some, or another source split.")
+    return torch.tensor([named.index(kind) for kind in kinds], device=device)
 
 
 def _cages(

@@ -100,11 +100,15 @@ def _built_on(path: Path, stage: str, device: torch.device | str) -> Checkpoint:
 def _take_over(network: KPRed, name: str | os.PathLike[str]) -> None:
     """Load weights of another model of the same category, part by part; parts of another shape start fresh.
 
+    A model of one network alone is taken whatever its category: its keypoints are where another category begins.
+
     Raises:
         ModelError: if there is no such model, or it does not know the category.
         ConfigError: if keypoints, influence or tokens are of another architecture.
     """
-    found = load_model(name)[network.config.category].state_dict()
+    model = load_model(name)
+    only = len(model.categories) == 1 and network.config.category not in model
+    found = model[model.categories[0] if only else network.config.category].state_dict()
     for part, module in network.named_children():
         weights = {key.removeprefix(f"{part}."): value for key, value in found.items() if key.startswith(f"{part}.")}
         own = module.state_dict()

@@ -22,6 +22,9 @@ from kpred.training.data import TrainingData
 RANKING_POINTS = 256
 """Points per shape when all sources of a batch are compared with all its targets."""
 
+ALIKE = 8
+"""Shapes of one category that follow each other in a batch of the retrieval stage, where there are several."""
+
 WHOLE_POINTS = 512
 """Points of the whole target that the partial stage measures from."""
 
@@ -64,10 +67,11 @@ class Stage(ABC):
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         """Compute the named loss terms of one step, already weighted; their sum is minimised."""
 
-    def _sources_for(self, target: Tensor, generator: torch.Generator) -> Tensor:
-        """Return choose rows of sources for these targets: the nearest, undeformed, of a few random ones each."""
+    def _sources_for(self, target: Tensor, categories: Tensor | None, generator: torch.Generator) -> Tensor:
+        """Choose rows of sources for these targets: the nearest, undeformed, of a few random ones of their category."""
         choices, batch = self.config.source_choices, len(target)
-        rows = self.data.draw_sources(batch * choices, generator)
+        alike = None if categories is None else categories.repeat_interleave(choices)
+        rows = self.data.draw_sources(batch * choices, generator, alike)
         if choices == 1:
             return rows
         few = slice(0, RANKING_POINTS)
@@ -83,9 +87,9 @@ class Stage(ABC):
         # Points come in random order, so that the first ones are a fair sample.
         return clouds[:, : self.config.keypoint_points]
 
-    def _targets(self, generator: torch.Generator) -> Tensor:
+    def _targets(self, categories: Tensor | None, generator: torch.Generator) -> Tensor:
         config = self.config
-        return self.data.draw_targets(self.settings.batch, config.points, config.stretch, generator)
+        return self.data.draw_targets(self.settings.batch, config.points, config.stretch, generator, categories)
 
 
 class DeformationStage(Stage):
@@ -95,8 +99,9 @@ class DeformationStage(Stage):
 
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         config, data = self.config, self.data
-        target = self._targets(generator)
-        rows = self._sources_for(target, generator)
+        categories = data.draw_categories(self.settings.batch, generator)
+        target = self._targets(categories, generator)
+        rows = self._sources_for(target, categories, generator)
         source = data.points[rows]
         keypoints = self.network.keypoints(self._few(torch.cat([source, target])))
         late = step >= config.late_step
@@ -159,8 +164,10 @@ class RetrievalStage(FrozenDeformer):
 
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         config, network = self.config, self.network
-        rows = self.data.draw_sources(self.settings.batch, generator)
-        source, target = self.data.points[rows], self._targets(generator)
+        # Several shapes of a category: telling a bed from a lamp would teach the tokens little.
+        categories = self.data.draw_categories(self.settings.batch, generator, ALIKE)
+        rows = self.data.draw_sources(self.settings.batch, generator, categories)
+        source, target = self.data.points[rows], self._targets(categories, generator)
         source_keypoints = self.source_keypoints[rows]
         with torch.no_grad():
             target_keypoints = network.keypoints(self._few(target))
@@ -218,7 +225,8 @@ class PartialStage(FrozenDeformer):
 
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         config, network = self.config, self.network
-        target, seen = self._partial_targets(generator)
+        categories = self.data.draw_categories(self.settings.batch, generator)
+        target, seen = self._partial_targets(categories, generator)
         with torch.no_grad():
             teacher = network.keypoints(self._few(target))
             confidence = network.confidence(seen, teacher)
@@ -230,7 +238,7 @@ class PartialStage(FrozenDeformer):
         # The floor keeps unseen keypoints from drifting freely.
         weight = confidence.clamp(min=config.confidence_floor)
         difference = (keypoints - teacher).abs().mean(-1)
-        rows = self.data.draw_sources(self.settings.batch, generator)
+        rows = self.data.draw_sources(self.settings.batch, generator, categories)
         deformed = self._deform(rows, keypoints)
         losses = {
             "keypoints": config.partial_keypoint_weight * (weight * difference).mean(),
@@ -269,14 +277,15 @@ class PartialStage(FrozenDeformer):
         return ((corners - (whole - middle) / half).abs() / spread + spread.log()).mean()
 
     @in_full_precision
-    def _partial_targets(self, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    def _partial_targets(self, categories: Tensor | None, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw full targets and their visible parts, by a plane (the paper) or a depth camera."""
         config, data, batch = self.config, self.data, self.settings.batch
         scanned = round(config.scanned * batch)
-        target = data.draw_targets(batch - scanned, config.points, config.stretch, generator)
+        cut, viewed = (None, None) if categories is None else categories.split([batch - scanned, scanned])
+        target = data.draw_targets(batch - scanned, config.points, config.stretch, generator, cut)
         seen = random_slices(target, config.occlusion, generator)
         if scanned:
-            whole, scans = data.draw_scanned_targets(scanned, config.points, config.stretch, generator)
+            whole, scans = data.draw_scanned_targets(scanned, config.points, config.stretch, generator, viewed)
             target, seen = torch.cat([target, whole]), torch.cat([seen, scans])
         return target, disturbed(seen, config.noise, config.outliers, generator)
 

@@ -14,7 +14,10 @@ import os
 import sys
 import traceback
 
-MODULES = ("seating", "tables", "shelves")
+MODULES = (
+    *("seating", "tables", "shelves", "appliances", "bathroom", "lamp", "elements", "elements.doors", "windows"),
+    *("elements.staircases", "table_decorations", "wall_decorations", "decor", "tableware"),
+)
 """Modules of `infinigen.assets.objects` that hold the factories."""
 
 LONG = ("TableDiningFactory", "CoffeeTableFactory")

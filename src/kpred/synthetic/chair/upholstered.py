@@ -11,6 +11,7 @@ from kpred.synthetic.chair.bases import disc_base, star_base
 from kpred.synthetic.chair.legs import bracket_feet
 from kpred.synthetic.chair.seats import Seat
 from kpred.synthetic.chance import between, happens, pick
+from kpred.synthetic.part import Number
 from kpred.synthetic.parts import Part, box, cushion, ellipse, frustum, slab, sweep
 from kpred.synthetic.paths import arc
 
@@ -18,7 +19,11 @@ Family = Callable[[np.random.Generator], list[Part]]
 
 
 def standing_cushion(
-    size: tuple[float, float, float], foot: tuple[float, float, float], lean: float, label: str, radius: float
+    size: tuple[Number, Number, Number],
+    foot: tuple[Number, Number, Number],
+    lean: Number,
+    label: str,
+    radius: Number,
 ) -> Part:
     """Build a cushion (width, height, thickness) on its lower edge, leaned back by degrees."""
     width, height, thick = size
@@ -26,7 +31,7 @@ def standing_cushion(
     return pad.moved((0.0, height / 2.0, 0.0)).rotated("x", -lean).moved(foot)
 
 
-def _upholstery(
+def upholstery(
     rng: np.random.Generator,
     width: float,
     places: int,
@@ -88,22 +93,22 @@ def _upholstery(
 
 def club(rng: np.random.Generator) -> list[Part]:
     """Build an armchair with solid padded sides."""
-    return _upholstery(rng, between(rng, 0.44, 0.66), 1, True, (0.25, 0.55), (0.0, 15.0), happens(rng, 0.4))
+    return upholstery(rng, between(rng, 0.44, 0.66), 1, True, (0.25, 0.55), (0.0, 15.0), happens(rng, 0.4))
 
 
 def slipper(rng: np.random.Generator) -> list[Part]:
     """Build a padded chair without arms."""
-    return _upholstery(rng, between(rng, 0.48, 0.75), 1, False, (0.28, 0.65), (2.0, 20.0), happens(rng, 0.3))
+    return upholstery(rng, between(rng, 0.48, 0.75), 1, False, (0.28, 0.65), (2.0, 20.0), happens(rng, 0.3))
 
 
 def sofa_two(rng: np.random.Generator) -> list[Part]:
     """Build a sofa with two seats."""
-    return _upholstery(rng, between(rng, 0.95, 1.35), 2, happens(rng, 0.85), (0.28, 0.5), (0.0, 14.0), True)
+    return upholstery(rng, between(rng, 0.95, 1.35), 2, happens(rng, 0.85), (0.28, 0.5), (0.0, 14.0), True)
 
 
 def sofa_three(rng: np.random.Generator) -> list[Part]:
     """Build a sofa with three seats."""
-    return _upholstery(rng, between(rng, 1.4, 1.95), 3, happens(rng, 0.85), (0.25, 0.48), (0.0, 14.0), True)
+    return upholstery(rng, between(rng, 1.4, 1.95), 3, happens(rng, 0.85), (0.25, 0.48), (0.0, 14.0), True)
 
 
 def wing(rng: np.random.Generator) -> list[Part]:

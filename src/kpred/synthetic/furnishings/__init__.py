@@ -1,0 +1,1 @@
+"""Furnishings beside chairs, tables and cabinets: beds, sofas, lamps, appliances, fixtures."""
