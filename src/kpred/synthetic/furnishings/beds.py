@@ -185,21 +185,19 @@ def bunk(rng: np.random.Generator) -> list[Part]:
         for z in (-1, 1):
             foot = (x * bed.width / 2, 0, z * bed.length / 2)
             parts.append(beam(foot, (foot[0], full, foot[2]), post, post, "post"))
+        # The ladder's side has a gap at its end.
+        long, middle = (0.7 * bed.length, -0.15 * bed.length) if x > 0 else (bed.length, 0)
         for y in (high + 0.22, full - 0.05):
-            parts.append(
-                box(
-                    (0.025, 0.08, bed.length * (0.7 if x > 0 else 1.0)),
-                    (x * bed.width / 2, y, 0 if x < 0 else -0.15 * bed.length),
-                    "guard",
-                )
-            )
+            parts.append(box((0.025, 0.08, long), (x * bed.width / 2, y, middle), "guard"))
         parts.append(box((bed.width, 0.08, 0.025), (0, full - 0.05, x * bed.length / 2), "guard"))
-    x = bed.width / 2 + 0.05
-    for z in (0.25, 0.25 + 0.35 / bed.length):
-        parts.append(beam((x, 0, z * bed.length), (x, high + 0.25, z * bed.length), 0.03, 0.05, "ladder"))
+    beside = bed.width / 2 + 0.05
+    for along in (0.25, 0.25 + 0.35 / bed.length):
+        parts.append(
+            beam((beside, 0, along * bed.length), (beside, high + 0.25, along * bed.length), 0.03, 0.05, "ladder")
+        )
     for k in range(4):
         y = high * (k + 0.8) / 4.3
-        parts.append(box((0.03, 0.03, 0.35), (x, y, 0.25 * bed.length + 0.175), "rung"))
+        parts.append(box((0.03, 0.03, 0.35), (beside, y, 0.25 * bed.length + 0.175), "rung"))
     return parts
 
 
@@ -225,8 +223,10 @@ def cot(rng: np.random.Generator) -> list[Part]:
             parts.append(box((0.03, 0.05, length), (x * width / 2, y, 0), "rail"))
             parts.append(box((width, 0.05, 0.03), (0, y, x * length / 2), "rail"))
         for k in range(bars):
-            z = ((k + 0.5) / bars - 0.5) * length
-            parts.append(cylinder(0.01, (x * width / 2, low - 0.05, z), (x * width / 2, high - 0.03, z), "bar", 6))
+            along = ((k + 0.5) / bars - 0.5) * length
+            parts.append(
+                cylinder(0.01, (x * width / 2, low - 0.05, along), (x * width / 2, high - 0.03, along), "bar", 6)
+            )
     if happens(rng, 0.5):
         parts += [box((width, high - low, 0.02), (0, (high + low) / 2, z * length / 2), "end_board") for z in (-1, 1)]
     return parts

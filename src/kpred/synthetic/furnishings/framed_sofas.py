@@ -99,8 +99,8 @@ def wooden(rng: np.random.Generator) -> list[Part]:
         parts.append(box((bar, bar, depth), (x, seat - bar / 2, 0), "rail"))
         parts.append(box((bar * between(rng, 1.2, 2.0), 0.03, depth + 0.04), (x, arm_top + 0.015, 0), "arm"))
         for k in range(pick(rng, (0, 3, 5))):
-            z = (k + 1) / 6 * depth - depth / 2
-            parts.append(box((0.02, arm_top - seat, 0.03), (x, (arm_top + seat) / 2, z), "slat"))
+            along = (k + 1) / 6 * depth - depth / 2
+            parts.append(box((0.02, arm_top - seat, 0.03), (x, (arm_top + seat) / 2, along), "slat"))
     slats = whole(rng, 6, 12)
     for k in range(slats):
         x = ((k + 0.5) / slats - 0.5) * width
