@@ -118,6 +118,10 @@ AZURE = {
         ("matrix.json", json.dumps({"depth": {"intrinsics": K, **PLAIN}}), SIZE, None),
         ("nested.json", json.dumps({"color": {"K": [9.0, 0, 1, 0, 9, 1, 0, 0, 1]}, "depth": {"K": FLAT}}), None, None),
         ("words.json", json.dumps({"fx": "290", "fy": "291.0", "cx": "159.5", "cy": "1.195e2"}), None, None),
+        ("info.yaml", json.dumps(PLAIN | {"K": FLAT, "roi": {"height": 0, "width": 0, "x_offset": 0}}), SIZE, None),
+        ("camera_matrix.csv", "290.0,0,159.5\n0,291.0,119.5\n0,0,1\n", None, None),
+        ("matlab.txt", "K = [290 0 159.5; 0 291 119.5; 0 0 1];\n", None, None),
+        ("numpy.txt", f"array({K})\n".replace("], [", "],\n       ["), None, None),
         ("lists.json", json.dumps({"focal_length": [290.0, 291.0], "principal_point": [159.5, 119.5]}), None, None),
     ],
 )
@@ -128,6 +132,20 @@ def test_intrinsics_of_many_programs(tmp_path: Path, name: str, text: str, size:
         np.testing.assert_allclose(found.matrix, K)
         assert found.size == size
         assert found.units_per_metre == (None if units is None else pytest.approx(units))
+
+
+def test_intrinsics_in_archives(tmp_path: Path) -> None:
+    for name in ("K", "mtx", "camera_matrix"):
+        np.savez(tmp_path / "a.npz", **{name: np.array(K)}, dist=np.zeros(5), pictures=np.zeros((2, 3, 4)))
+        np.testing.assert_allclose(read_intrinsics_file(tmp_path / "a.npz").matrix, K)
+
+
+@pytest.mark.parametrize(("key", "angle"), [("camera_angle_x", 2 * np.arctan(0.5)), ("hfov", 53.13010235)])
+def test_intrinsics_from_the_field_of_view(tmp_path: Path, key: str, angle: float) -> None:
+    (tmp_path / "a.json").write_text(json.dumps({key: angle, "w": 320, "h": 240}))
+    found = read_intrinsics_file(tmp_path / "a.json")
+    np.testing.assert_allclose(found.matrix, [[320, 0, 160], [0, 320, 120], [0, 0, 1]], atol=1e-5)
+    assert found.size == SIZE
 
 
 def test_azure_kinect_counts_from_the_whole_sensor(tmp_path: Path) -> None:
@@ -211,6 +229,10 @@ def pose(rng: np.random.Generator) -> np.ndarray:
     return matrix
 
 
+def axes(values: np.ndarray) -> dict[str, float]:
+    return dict(zip("xyzw", values.tolist(), strict=False))
+
+
 def test_every_key_has_its_convention(tmp_path: Path, pose: np.ndarray) -> None:
     from scipy.spatial.transform import Rotation
 
@@ -229,6 +251,9 @@ def test_every_key_has_its_convention(tmp_path: Path, pose: np.ndarray) -> None:
         "inverse.json": {"world_to_camera": inverse.tolist()},
         "open3d.json": {"extrinsic": inverse.ravel("F").tolist(), "intrinsic": {}},
         "frames.json": {"frames": frames},
+        "ros.json": {"header": {}, "pose": {"position": axes(pose[:3, 3]), "orientation": axes(quaternion)}},
+        "tf.json": {"transform": {"translation": axes(pose[:3, 3]), "rotation": axes(quaternion)}},
+        "bop.json": {"cam_R_w2c": inverse[:3, :3].ravel().tolist(), "cam_t_w2c": (1000 * inverse[:3, 3]).tolist()},
         "scannetpp.json": {"a": {"pose": np.eye(4).tolist()}, "b": {"pose": pose.tolist(), "aligned_pose": "none"}},
     }
     for name, content in contents.items():

@@ -287,8 +287,55 @@ def test_files_that_are_no_depth_pictures_are_refused_by_name(tmp_path: Path) ->
 def test_files_that_are_no_masks_are_refused_by_name(tmp_path: Path) -> None:
     Image.new("RGB", (8, 6), (9, 8, 7)).save(tmp_path / "colour.png")
     Image.new("L", (8, 6), 0).save(tmp_path / "empty.png")
-    np.save(tmp_path / "floats.npy", np.ones((6, 8)))
+    np.save(tmp_path / "floats.npy", np.full((6, 8), 0.5))
     for name, word in (("colour.png", "one channel"), ("empty.png", "empty"), ("floats.npy", "one channel")):
         with pytest.raises(ScanError, match=word) as caught:
             read_mask(tmp_path / name)
         assert name in str(caught.value)
+
+
+def test_depths_in_pgm_pfm_and_archives(tmp_path: Path) -> None:
+    depth = np.linspace(0.5, 3, 48).reshape(6, 8)
+    millimetres = (1000 * depth).round().astype(np.uint16)
+    Image.fromarray(millimetres).save(tmp_path / "a.pgm")
+    # PFM begins with the lowest row.
+    (tmp_path / "a.pfm").write_bytes(b"Pf\n8 6\n-1.0\n" + depth[::-1].astype("<f4").tobytes())
+    np.savez_compressed(tmp_path / "a.npz", depth=depth, colour=np.zeros((6, 8, 3), np.uint8))
+    np.savez(tmp_path / "b.npz", np.asfortranarray(millimetres))
+    for name in ("a.pgm", "a.pfm", "a.npz", "b.npz"):
+        np.testing.assert_allclose(read_depth(tmp_path / name), depth, atol=6e-4, err_msg=name)
+    np.savez(tmp_path / "c.npz", a=depth, b=depth)
+    with pytest.raises(ScanError, match=r"c\.npz: none of its arrays is named depth or mask"):
+        read_depth(tmp_path / "c.npz")
+
+
+def test_masks_as_programs_save_them(tmp_path: Path) -> None:
+    wanted = np.zeros((24, 32), bool)
+    wanted[5:19, 4:29] = True
+    grey = np.where(wanted, 255, 0).astype(np.uint8)
+    opaque = np.full_like(grey, 255)
+    photograph = np.random.default_rng(0).integers(0, 255, (24, 32, 3), dtype=np.uint8)
+    soft = grey.copy()
+    soft[4, 4:29], soft[19, 4:29] = np.arange(25) * 4 + 1, 200  # The row above fades out, the one below is inside.
+    pictures = {
+        "rgb": np.stack([grey] * 3, axis=2),
+        "rgba": np.stack([grey] * 3 + [opaque], axis=2),
+        "la": np.stack([grey, opaque], axis=2),
+        "cut out": np.concatenate([photograph, grey[..., None]], axis=2),
+        "soft": soft,
+    }
+    for name, picture in pictures.items():
+        Image.fromarray(picture).save(tmp_path / "a.png")
+        expected = wanted | (soft == 200) if name == "soft" else wanted
+        np.testing.assert_array_equal(read_mask(tmp_path / "a.png"), expected, err_msg=name)
+    for array in (wanted.astype(float), wanted[..., None], wanted[None]):
+        np.save(tmp_path / "a.npy", array)
+        np.testing.assert_array_equal(read_mask(tmp_path / "a.npy"), wanted)
+
+
+def test_ids_with_one_of_255_are_no_soft_edge(tmp_path: Path) -> None:
+    ids = np.full((20, 20), 255, np.uint8)
+    ids[:2, :9] = np.arange(9) % 3
+    Image.fromarray(ids).save(tmp_path / "a.png")
+    with pytest.raises(ScanError, match=r"3 objects \(1, 2, 255\)"):
+        read_mask(tmp_path / "a.png")

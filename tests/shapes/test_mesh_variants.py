@@ -126,6 +126,7 @@ def obj_text() -> str:
         ("utf-32", lambda text: text.encode("utf-32")),
         ("decimal commas", lambda text: text.replace(".", ",").encode()),
         ("no last line feed", lambda text: text.rstrip().encode()),
+        ("old name of faces", lambda text: text.replace("f ", "fo ").encode()),
     ],
 )
 def test_obj_text(tmp_path, name, change):
@@ -191,6 +192,7 @@ def stl_bytes(count: int = 12, head: bytes = b"") -> bytes:
         stl_text().upper().replace("E+", "e+").encode(),
         stl_text().replace("\n", "\r").encode(),
         stl_text().encode("utf-16"),
+        stl_text().replace(".", ",").encode(),
         stl_bytes(),
         stl_bytes(head=b"solid made by a program that writes binary"),
         stl_bytes() + b"trailing",

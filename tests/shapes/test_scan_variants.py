@@ -171,3 +171,84 @@ def test_rasters_of_heights_are_no_points(tmp_path):
     (tmp_path / "a.asc").write_text(f"ncols 9\nnrows 9\nxllcorner 0\nyllcorner 0\ncellsize 1\n{rows}\n")
     with pytest.raises(ScanError, match="raster of heights"):
         read_scan(tmp_path / "a.asc")
+
+
+# ---- what single programs write, beyond the layouts above
+
+
+def numbered(cloud: np.ndarray, before: str, after: str = "") -> str:
+    return rows(cloud, " ", before=before, after=after)
+
+
+def grid_numbers(cloud: np.ndarray) -> str:
+    """Row and column of the scanner before each point, its colour behind (FARO)."""
+    lines = rows(cloud, " ").splitlines()
+    return "".join(f"{i // 20} {i % 20} {line} 90 80 70\n" for i, line in enumerate(lines))
+
+
+PROGRAMS = {
+    "Agisoft": lambda c: "#Label,X/Easting,Y/Northing,Z/Altitude\n" + rows(c, ",", before="point {}", after="0.005"),
+    "CloudCompare": lambda c: "300\n//X Y Z Nx Ny Nz\n" + rows(c, " ", after="0.1 0.2 0.3"),
+    "Fortran": lambda c: "".join(" ".join(f"{x:.6E}" for x in row) + "\n" for row in c.tolist()).replace("E", "D"),
+    "Leica": lambda c: "300\n" + rows(c, " ", after="-1023 1 2 3"),
+    "Python tuples": lambda c: "".join(f"{tuple(row)}\n" for row in c.tolist()),
+    "Python lists": lambda c: "".join(f"{row}\n" for row in c.tolist()),
+    "camel case": lambda c: "cartesianX,cartesianY,cartesianZ,intensity\n" + rows(c, ",", after="0.5"),
+    "centres": lambda c: "label,center_x,center_y,center_z\n" + rows(c, ",", before="a"),
+    "decimal commas and commas": lambda c: rows(c, "; ").replace(".", ",").replace(";", ","),
+    "pandas": lambda c: ",0,1,2\n" + rows(c, ",", before="{}"),
+    "pandas without its index": lambda c: "0,1,2\n" + rows(c, ","),
+    "running numbers from 1000": lambda c: "".join(f"{1000 + i} {x} {y} {z}\n" for i, (x, y, z) in enumerate(c)),
+    "numbers with gaps": lambda c: "".join(f"{7 + 3 * i} {x} {y} {z}\n" for i, (x, y, z) in enumerate(c)),
+    "rows and columns": grid_numbers,
+    "title of three words": lambda c: "Scan of chair\nDate: today\n" + rows(c, " "),
+    "NaN of Microsoft": lambda c: rows(c, " ") + "1.#QNAN 1.#QNAN 1.#QNAN\n-1.#IND 0 0\n",
+    "empty rows of a table": lambda c: "x,y,z\n" + rows(c, ",") + ",,\n,,\n",
+    "end of file of DOS": lambda c: rows(c, " ") + "\x1a",
+    "zeros to a whole block": lambda c: rows(c, " ") + "\0\0\0\0",
+}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_text_of_single_programs(tmp_path, cloud, program):
+    (tmp_path / "a.csv").write_text(PROGRAMS[program](cloud))
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.csv"), cloud)
+
+
+def test_names_of_columns_in_latin_1(tmp_path, cloud):
+    (tmp_path / "a.csv").write_text("Nr;Rechtswert;Hochwert;Höhe\n" + rows(cloud, ";", before="{}"), encoding="latin-1")
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.csv"), cloud)
+
+
+def test_a_profile_with_whole_growing_x_keeps_it(tmp_path, rng):
+    profiles = np.array([[x, y / 8, round(rng.random(), 4), 0.5] for y in range(4) for x in range(80)])
+    (tmp_path / "a.xyz").write_text("\n".join(f"{int(x)} {y} {z} {i}" for x, y, z, i in profiles))
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.xyz"), profiles[:, :3])
+
+
+@pytest.mark.parametrize("names", [("x", "y", "z"), ("pcd",), ("data",), ("verts",)])
+def test_names_of_arrays(tmp_path, cloud, names):
+    arrays = dict(zip(names, cloud.T if len(names) == 3 else [cloud], strict=True))
+    np.savez(tmp_path / "a.npz", **arrays, colors=np.zeros((300, 3), np.uint8))
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.npz"), cloud)
+
+
+def test_arrays_of_unknown_names_and_unequal_axes_are_refused(tmp_path, cloud):
+    for arrays, words in (
+        ({"a": cloud, "b": cloud}, "none of its arrays is named points"),
+        ({"x": cloud[:, 0], "y": cloud[:, 1], "z": cloud[:99, 2]}, "x, y and z differ in length"),
+    ):
+        np.savez(tmp_path / "a.npz", **arrays)
+        with pytest.raises(ScanError, match=words):
+            read_scan(tmp_path / "a.npz")
+
+
+def test_a_batch_of_one_cloud_by_columns(tmp_path, cloud):
+    np.save(tmp_path / "a.npy", np.ascontiguousarray(cloud.T[None]))
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.npy"), cloud)
+
+
+def test_pointers_of_git_lfs_are_named(tmp_path):
+    (tmp_path / "a.ply").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    with pytest.raises(ScanError, match="pointer of Git LFS"):
+        read_scan(tmp_path / "a.ply")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,23 +17,13 @@ from kpred.scenes.instances import (
     instances_of_faces,
 )
 from kpred.shapes.formats.ply_elements import Columns
-from kpred.shapes.formats.scan_array import npy_points, npz_points
-from kpred.shapes.formats.scan_pcd import pcd_points
-from kpred.shapes.formats.scan_text import text_points
 from kpred.shapes.formats.scene_ply import plain_columns, scene_elements, vertex_columns
 from kpred.shapes.mesh_io import read_geometry
 from kpred.shapes.reading import check_file, reading
-from kpred.shapes.scan import MESH_SCAN_EXTENSIONS, TEXT_EXTENSIONS
+from kpred.shapes.scan import MESH_SCAN_EXTENSIONS, POINT_READERS, SCAN_EXTENSIONS
 
-SCENE_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".npy", ".npz", *MESH_SCAN_EXTENSIONS)
+SCENE_EXTENSIONS = SCAN_EXTENSIONS
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
-
-_POINT_READERS: dict[str, Callable[[Path], Iterable[np.ndarray]]] = {
-    ".pcd": pcd_points,
-    ".npy": npy_points,
-    ".npz": npz_points,
-    **dict.fromkeys(TEXT_EXTENSIONS, text_points),
-}
 
 
 class SceneWarning(UserWarning):
@@ -98,7 +87,7 @@ def read_scene(
             geometry = read_geometry(file)
             points, faces = geometry.vertices, geometry.faces if len(geometry.faces) else None
         else:
-            points = np.concatenate([np.zeros((0, 3)), *_POINT_READERS[extension](file)])
+            points = np.concatenate([np.zeros((0, 3)), *POINT_READERS[extension](file)])
     vertices = elements.get("vertex", {})
     instances = column_numbers(vertices, INSTANCE_PROPERTIES)
     if not np.isfinite(points).all(axis=1).any():

@@ -16,11 +16,11 @@ from PIL import Image
 from kpred.errors import ConfigError, ScanError
 from kpred.ops.typing import Bool, Float
 from kpred.shapes.camera import Camera
-from kpred.shapes.picture_file import read_picture
+from kpred.shapes.picture_file import has_soft_edges, mask_channel, one_channel, read_picture
 from kpred.shapes.scan import MINIMUM_POINTS
 
-DEPTH_EXTENSIONS = (".png", ".npy", ".tif", ".tiff")
-MASK_EXTENSIONS = (".png", ".npy", ".tif", ".tiff")
+DEPTH_EXTENSIONS = (".png", ".npy", ".npz", ".tif", ".tiff", ".pgm", ".pfm")
+MASK_EXTENSIONS = (".png", ".npy", ".npz", ".tif", ".tiff", ".pgm")
 
 MILLIMETRES = 1000.0
 """Units per metre of whole-number depth pictures when nothing else is said."""
@@ -94,9 +94,7 @@ def read_depth(
     if depth_scale is not None and not (np.isfinite(depth_scale) and depth_scale > 0):
         raise ConfigError(f"depth_scale is {depth_scale}; it must be a positive number of units per metre.")
     file = Path(path)
-    array = read_picture(file, DEPTH_EXTENSIONS, "depth picture")
-    if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]) and array.dtype.itemsize > 1:
-        array = array.reshape(array.shape[1:] if array.shape[0] == 1 else array.shape[:2])
+    array = one_channel(read_picture(file, DEPTH_EXTENSIONS, "depth picture"))
     if array.ndim != 2 or array.dtype == bool or array.dtype.itemsize == 1:
         raise ScanError(
             f"{file}: it is no depth picture (shape {array.shape}, {array.dtype}); save depth as one 16-bit channel in "
@@ -130,19 +128,22 @@ def read_mask(path: str | os.PathLike[str], mask_id: int | None = None) -> Bool[
     """Read the pixels of one object, (height, width) bool, from instance ids or a boolean array.
 
     Args:
-        path: .png or .tiff of whole numbers (palettes count by index), or .npy of booleans or whole numbers.
+        path: .png, .tiff or .pgm of whole numbers (palettes count by index), or .npy of booleans or whole numbers. Grey
+            stored as colours is read as grey; of a cut-out photograph, the alpha channel.
         mask_id: the object's id; None takes all that is not 0, which must then be one object.
 
     Raises:
         ScanError: missing, unreadable, colours in place of ids, no pixel of that id, or several ids and none chosen.
     """
     file = Path(path)
-    array = read_picture(file, MASK_EXTENSIONS, "mask")
+    array = mask_channel(read_picture(file, MASK_EXTENSIONS, "mask"))
     if array.ndim != 2 or array.dtype.kind not in "biu":
         raise ScanError(
             f"{file}: a mask is one channel of instance ids or booleans, but this is {array.dtype} of shape "
             f"{array.shape}; save it as one channel of whole numbers."
         )
+    if mask_id is None and has_soft_edges(array):
+        return np.asarray(array >= 128)
     ids = np.unique(array[array != 0]).tolist()
     named = ", ".join(str(int(number)) for number in ids[:12]) + (", ..." if len(ids) > 12 else "")
     if not ids:

@@ -15,6 +15,7 @@ from kpred.ops.typing import Float
 from kpred.shapes.camera import check_intrinsics
 from kpred.shapes.formats.keyed_content import dictionaries, numbers, read_keyed
 from kpred.shapes.intrinsics_keys import (
+    ANGLE_KEYS,
     AZURE_CROPS,
     AZURE_SENSOR,
     COLMAP_MODELS,
@@ -108,6 +109,10 @@ def _cameras(file: Path, content: Any, picture: Size | None) -> Iterator[tuple[i
                     size = sizes.get(suffix) or next(iter(sizes.values()), None)
                     yield rank, _of_array(file, numbers(file, value)), size
                     break
+        size = sizes.get("", next(iter(sizes.values()), None))
+        angle = next((lowered[name] for name in ANGLE_KEYS if _is_number(lowered.get(name))), None)
+        if angle is not None and size is not None and "fl_x" not in lowered:
+            yield rank, _of_angle(float(angle), size, is_degrees="camera_angle_x" not in lowered), size
         inner = lowered.get("intrinsics")
         model = {str(key).lower(): value for key, value in inner.items()} if isinstance(inner, dict) else {}
         if isinstance(model.get("modelparameters"), list):
@@ -133,6 +138,13 @@ def _of_rows(file: Path, content: Any) -> list[tuple[np.ndarray, Size | None]]:
     if flat.size == 6 and array.shape in ((6,), (1, 6)) and (flat[:2] == flat[:2].round()).all() and flat[0] > 1:
         return [(_of_numbers(flat[2:].tolist()), (int(flat[0]), int(flat[1])))]
     return [(_of_array(file, array), None)]
+
+
+def _of_angle(angle: float, size: Size, is_degrees: bool) -> np.ndarray:
+    """Return intrinsics of square pixels from the horizontal field of view; the axis is in the picture's middle."""
+    width, height = size
+    focal = width / 2 / np.tan((np.radians(angle) if is_degrees else angle) / 2)
+    return _of_numbers([focal, focal, width / 2, height / 2])
 
 
 def _of_numbers(values: list[float]) -> np.ndarray:
@@ -180,7 +192,8 @@ def _sizes(file: Path, item: dict[str, Any]) -> dict[str, Size]:
         values = [lowered.get(name) for name in names]
         if len(names) == 1 and isinstance(values[0], list) and len(values[0]) == 2:
             values = values[0]
-        if len(values) != 2 or None in values or suffix in found:
+        # ROS names a region of interest of 0 x 0 pixels where there is none.
+        if len(values) != 2 or None in values or suffix in found or values == [0, 0]:
             continue
         if not all(_is_number(value) and float(value or 0) == int(float(value or 0)) > 0 for value in values):
             raise ConfigError(

@@ -28,6 +28,9 @@ FOCAL_AND_POINT = (
 )
 """Names of two lists: focal lengths, principal point."""
 
+ANGLE_KEYS = ("camera_angle_x", "hfov")
+"""Names of the horizontal field of view: radians (NeRF), degrees (Habitat)."""
+
 MATRIX_KEYS = (
     ("m_calibrationdepthintrinsic", "depth"),  # ScanNet's _info.txt
     ("intrinsic_matrix", ""),  # Open3D
@@ -40,6 +43,7 @@ MATRIX_KEYS = (
     ("intrinsic", ""),
     ("camera_intrinsics", ""),
     ("cam_k", ""),  # BOP
+    ("mtx", ""),  # OpenCV's examples
     ("k", ""),  # ROS 1 and 2, Record3D
     ("data", ""),
 )

@@ -32,8 +32,9 @@ def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | No
 
     Files: .txt, .npy, .json, .yaml of the matrix, of a line `[time] tx ty tz qx qy qz qw` (TUM), or of keys. The key
     says the convention: `camera_to_world`, `pose`, ... as here; `transform_matrix` (nerfstudio), `cameraPoseARFrame`,
-    `t_00` (Polycam) with y up and z backward, which are converted; `world_to_camera`, `extrinsic` (Open3D) are
-    inverted. Of a list of `frames`, the one of `picture` is taken, by the stem of its name.
+    `t_00` (Polycam) with y up and z backward, which are converted; `world_to_camera`, `extrinsic` (Open3D) and
+    `cam_R_w2c` (BOP, millimetres) are inverted; `position` and `orientation` (ROS) are as here. Of a list of `frames`,
+    the one of `picture` is taken, by the stem of its name.
 
     Raises:
         ScanError: the frame's tracking was lost (entries that are not finite).
@@ -83,11 +84,35 @@ def _of_dictionary(file: Path, item: dict[str, Any]) -> np.ndarray | None:
         key = next((key for key in keys if isinstance(lowered.get(key), list)), None)
         if key is not None:
             return _converted(file, _square(numbers(file, lowered[key])), convention)
+    for place, turn in (("position", "orientation"), ("translation", "rotation")):
+        if isinstance(lowered.get(place), dict) and isinstance(lowered.get(turn), dict):
+            return _of_ros(file, lowered[place], lowered[turn])
+    if isinstance(lowered.get("cam_r_w2c"), list) and isinstance(lowered.get("cam_t_w2c"), list):
+        return _of_bop(file, lowered["cam_r_w2c"], lowered["cam_t_w2c"])
     if isinstance(lowered.get("extrinsic"), list):
         # Open3D writes it column by column, world-to-camera.
         array = numbers(file, lowered["extrinsic"])
         return _converted(file, array.reshape(4, 4).T if array.shape == (16,) else _square(array), "inverse")
     return None
+
+
+def _of_ros(file: Path, position: dict[str, Any], orientation: dict[str, Any]) -> np.ndarray | None:
+    """Read a pose of ROS, of the camera's optical frame."""
+    try:
+        values = [position[axis] for axis in "xyz"] + [orientation[axis] for axis in "xyzw"]
+    except KeyError:
+        return None
+    return _square(numbers(file, values))
+
+
+def _of_bop(file: Path, rotation: list[Any], translation: list[Any]) -> np.ndarray:
+    """Read a pose of BOP: world-to-camera, millimetres."""
+    turn, place = numbers(file, rotation), numbers(file, translation)
+    if turn.size != 9 or place.size != 3:
+        raise ConfigError(f"{file}: cam_R_w2c and cam_t_w2c must hold 9 and 3 numbers; save the pose again.")
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn.reshape(3, 3), place.ravel() / 1000.0
+    return _converted(file, matrix, "inverse")
 
 
 def _converted(file: Path, matrix: np.ndarray, convention: str) -> np.ndarray:

@@ -10,6 +10,10 @@ from pathlib import Path
 
 from kpred.errors import KpredError
 
+_GIT_LFS = b"version https://git-lfs"
+_MAX_POINTER = 1024
+"""Bytes of a pointer of Git LFS; it has some 130."""
+
 
 @contextmanager
 def reading(path: str | os.PathLike[str], error_type: type[KpredError], kind: str = "") -> Iterator[None]:
@@ -59,6 +63,8 @@ def check_file(path: Path, error_type: type[KpredError], kind: str = "file") -> 
         raise error_type(f"{path}: it is a pipe or a device; save the {kind} as a regular file.")
     if not status.st_size:
         raise error_type(f"{path}: the file is empty; save or export it again.")
+    if status.st_size < _MAX_POINTER and os.access(path, os.R_OK) and path.read_bytes().startswith(_GIT_LFS):
+        raise error_type(f"{path}: it is a pointer of Git LFS, not the file itself; fetch it by `git lfs pull`.")
 
 
 def _reason(error: Exception) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,10 @@ from kpred.ops.typing import Float
 from kpred.shapes.formats.ply_header import read_ply_header
 from kpred.shapes.formats.records import BLOCK_ROWS
 from kpred.shapes.formats.scan_array import npy_points, npz_points
+from kpred.shapes.formats.scan_las import las_points
 from kpred.shapes.formats.scan_pcd import pcd_points
 from kpred.shapes.formats.scan_ply import ply_points
+from kpred.shapes.formats.scan_ptx import ptx_points
 from kpred.shapes.formats.scan_text import text_points
 from kpred.shapes.mesh_io import Geometry, read_geometry
 from kpred.shapes.precision import single_precision_step
@@ -23,7 +25,7 @@ from kpred.shapes.reading import check_file, reading
 
 TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts")
 MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf")
-SCAN_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".npy", ".npz", *MESH_SCAN_EXTENSIONS)
+SCAN_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".ptx", ".las", ".npy", ".npz", *MESH_SCAN_EXTENSIONS)
 
 MINIMUM_POINTS = 64
 SURFACE_SAMPLES = 32768
@@ -48,6 +50,17 @@ _LINE = 1e-4
 _FAR = 100.0
 
 
+POINT_READERS: dict[str, Callable[[Path], Iterator[np.ndarray]]] = {
+    ".pcd": pcd_points,
+    ".ptx": ptx_points,
+    ".las": las_points,
+    ".npy": npy_points,
+    ".npz": npz_points,
+    **dict.fromkeys(TEXT_EXTENSIONS, text_points),
+}
+"""Readers of files that hold points alone."""
+
+
 class ScanWarning(UserWarning):
     """A scan can be used, but may be worse than it should be; the message says why."""
 
@@ -55,8 +68,8 @@ class ScanWarning(UserWarning):
 def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> Float[np.ndarray, "points 3"]:
     """Read the points of a scan, in the file's own frame and unit.
 
-    Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .npy and .npz; columns other than x, y, z are ignored.
-    A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices when it is a dense scan mesh, as
+    Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .ptx, .las, .npy and .npz; columns other than x, y, z are
+    ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices when it is a dense scan mesh, as
     scanners and depth fusion make them; when it has large faces, as CAD models and decimated scans do, points are
     drawn evenly from its surface by ``seed``. Memory is bounded by ``max_points`` for files of points other than
     ``binary_compressed`` PCD, however many the file holds.
@@ -167,14 +180,8 @@ def _blocks(file: Path, extension: str, max_points: int, seed: int) -> Iterable[
         if header.count("face", "tristrips") and header.count("vertex") <= _ALWAYS_DENSE:
             return _mesh_blocks(read_geometry(file), str(file), max_points, seed)
         return ply_points(file, header)
-    if extension == ".pcd":
-        return pcd_points(file)
-    if extension == ".npy":
-        return npy_points(file)
-    if extension == ".npz":
-        return npz_points(file)
-    if extension in TEXT_EXTENSIONS:
-        return text_points(file)
+    if extension in POINT_READERS:
+        return POINT_READERS[extension](file)
     return _mesh_blocks(read_geometry(file), str(file), max_points, seed)
 
 

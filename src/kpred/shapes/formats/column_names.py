@@ -20,6 +20,10 @@ _TRIPLES: tuple[tuple[tuple[str, ...], ...], ...] = (
 )
 
 _AFFIXES = (
+    "cartesian",
+    "center",
+    "centre",
+    "centroid",
     "coordinate",
     "coordinates",
     "coord",
@@ -58,7 +62,7 @@ def name_columns(values: Sequence[bytes]) -> tuple[int, int, int] | None:
     """
     if len(values) < 3 or len(values) > 4096:
         return None
-    plain = [_plain(value.decode("utf-8", "replace")) for value in values]
+    plain = [_plain(_decoded(value)) for value in values]
     for names in (plain, [_stripped(name) for name in plain]):
         for triple in _TRIPLES:
             found = [next((names.index(name) for name in axis if name in names), None) for axis in triple]
@@ -68,9 +72,17 @@ def name_columns(values: Sequence[bytes]) -> tuple[int, int, int] | None:
     return None
 
 
+def _decoded(value: bytes) -> str:
+    try:
+        return value.decode("utf-8")
+    except UnicodeDecodeError:
+        return value.decode("latin-1")
+
+
 def _plain(name: str) -> str:
-    """Lower case, without quotes, comment marks and units in brackets."""
-    return re.sub(r"[\[(].*?[\])]", "", name.strip().strip("\"'").strip().lstrip("#/%").lower()).strip()
+    """Lower case, without quotes, comment marks and units in brackets; cartesianX becomes cartesian_x."""
+    bare = name.strip().strip("\"'").strip().lstrip("#/%")
+    return re.sub(r"[\[(].*?[\])]", "", re.sub(r"(?<=[a-z])(?=[XYZ]$)", "_", bare).lower()).strip()
 
 
 def _stripped(name: str) -> str:

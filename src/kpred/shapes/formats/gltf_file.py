@@ -33,10 +33,15 @@ _SUPPORTED = (
     "KHR_lights_punctual",
     "KHR_animation_pointer",
     "KHR_xmp_json_ld",
+    "KHR_node_visibility",
+    "EXT_structural_metadata",
+    "EXT_mesh_features",
+    "EXT_instance_features",
+    "CESIUM_primitive_outline",
 )
 """Extensions that are read, or that say nothing about geometry; so do all that begin with one of the next."""
 
-_APPEARANCE = ("KHR_materials_", "EXT_texture_", "MSFT_texture_", "EXT_lights_", "ADOBE_materials_")
+_APPEARANCE = ("KHR_materials_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "EXT_lights_", "ADOBE_materials_")
 
 
 @dataclass(frozen=True, eq=False)

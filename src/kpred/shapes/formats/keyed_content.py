@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import re
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -16,14 +18,15 @@ from kpred.shapes.formats.scan_array import array_header
 from kpred.shapes.formats.text_lines import open_lines
 from kpred.shapes.reading import check_file, reading
 
-TEXT_EXTENSIONS = (".txt", ".pincam", ".cam", ".info", ".conf", ".ini")
-EXTENSIONS = (*TEXT_EXTENSIONS, ".json", ".yaml", ".yml", ".npy")
+TEXT_EXTENSIONS = (".txt", ".csv", ".pincam", ".cam", ".info", ".conf", ".ini")
+EXTENSIONS = (*TEXT_EXTENSIONS, ".json", ".yaml", ".yml", ".npy", ".npz")
 
 _MAX_BYTES = {".yaml": 1 << 18, ".yml": 1 << 18}
 _MAX_OTHER = 1 << 26
 """Bytes of such a file; more are no settings of a camera."""
 
 _MAX_DEPTH = 12
+_MAX_ARRAYS = 64
 _MAX_BRACKETS = 64
 _KEYED = re.compile(r"\s*([A-Za-z_][\w. \-/]*?)\s*[=:]\s*(.+?)\s*$")
 
@@ -45,7 +48,10 @@ def read_keyed(file: Path, kind: str) -> Any:
         raise ConfigError(f"{file}: it is too large to be a file of {kind}; give the right file.")
     with reading(file, ConfigError, f"{extension} file of {kind}"):
         if extension == ".npy":
-            return _array(file)
+            with open(file, "rb") as stream:
+                return _array(stream, str(file))
+        if extension == ".npz":
+            return _arrays(file)
         with open_lines(file) as lines:
             text = b"".join(lines).decode("utf-8")
         if extension == ".json" or text.lstrip()[:1] == "{":
@@ -84,12 +90,26 @@ def numbers(file: Path, content: Any) -> np.ndarray:
     return found
 
 
-def _array(file: Path) -> np.ndarray:
-    with open(file, "rb") as stream:
-        shape, _, dtype = array_header(stream, str(file))
+def _array(stream: IO[bytes] | zipfile.ZipExtFile, name: str) -> np.ndarray:
+    shape, by_column, dtype = array_header(stream, name)
     if dtype.kind not in "fiu" or any(side > 4096 for side in shape) or len(shape) > 2:
-        raise ConfigError(f"{file}: it holds {dtype} of shape {shape}, not one matrix; save the matrix again.")
-    return np.asarray(np.load(file, allow_pickle=False))
+        raise ConfigError(f"{name}: it holds {dtype} of shape {shape}, not one matrix; save the matrix again.")
+    count = math.prod(shape)
+    values = np.frombuffer(stream.read(count * dtype.itemsize), dtype, count)
+    return np.reshape(values, shape, order="F" if by_column else "C")
+
+
+def _arrays(file: Path) -> dict[str, Any]:
+    """Read the matrices of an archive as lists by name; other arrays are left out."""
+    found: dict[str, Any] = {}
+    with zipfile.ZipFile(file) as archive:
+        for name in archive.namelist()[:_MAX_ARRAYS]:
+            with archive.open(name) as stream:
+                try:
+                    found[name.removesuffix(".npy")] = _array(stream, f"{file} ({name})").tolist()
+                except ConfigError:
+                    continue
+    return found
 
 
 def _yaml(text: str) -> Any:
@@ -115,14 +135,15 @@ def _text(text: str) -> Any:
     keyed = {match.group(1): _value(match.group(2)) for match in matches if match is not None}
     if keyed and 2 * len(keyed) >= len(lines):
         return keyed
-    rows = [line.replace(",", " ").replace(";", " ").replace("[", " ").replace("]", " ").split() for line in lines]
+    # Brackets and the word `array` are what NumPy prints.
+    rows = [re.sub(r"[,;\[\]()]|\barray\b", " ", line).split() for line in lines]
     rows = [row for row in rows if row]
     return rows[0] if len(rows) == 1 else rows
 
 
 def _value(text: str) -> Any:
     """Parse a number, a list of numbers, or the text itself."""
-    words = text.strip("[](){};,").replace(",", " ").split()
+    words = re.sub(r"[,;\[\](){}]", " ", text).split()
     try:
         found = [float(word) for word in words]
     except ValueError:

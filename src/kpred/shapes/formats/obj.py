@@ -44,7 +44,7 @@ def read_obj(path: Path) -> Geometry:
                 if line.startswith(b"v "):
                     x, y, z = line.split(None, 4)[1:4]
                     coordinates.extend((number_of(x), number_of(y), number_of(z)))
-                elif line.startswith(b"f "):
+                elif line.startswith((b"f ", b"fo ")):
                     words = line.split()[1:]
                     if len(words) < 3:
                         continue

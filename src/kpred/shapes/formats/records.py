@@ -19,7 +19,9 @@ _MAX_DIGITS = 400
 """Characters of one number; more are damage, and slow to parse."""
 
 _MAX_LINE = 1 << 20
+_BLANK = b" \t\r\n\x00\x1a"
 _COMMENTS = (b"#", b"//", b"%")
+_FORTRAN = re.compile(rb"([+-]?\d*\.?\d*)[dD]([+-]?\d+)")
 _DECIMAL_COMMA = re.compile(rb"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
@@ -106,8 +108,9 @@ def _ragged_rows(
 ) -> np.ndarray:
     rows = []
     for number, line in enumerate(block, start=first_line):
-        content = line.split(b"#", 1)[0].strip()
-        if not content or content.startswith(_COMMENTS):
+        # Microsoft runtimes print NaN as 1.#QNAN; files that were cut to whole blocks end in zeros.
+        content = (line if b".#" in line else line.split(b"#", 1)[0]).strip(_BLANK)
+        if not content.strip(b",;|") or content.startswith(_COMMENTS):
             continue
         values = split_line(content)
         if counted and len(values) == 1 and values[0].isdigit():
@@ -133,8 +136,11 @@ def number_of(token: bytes) -> float:
         return float(token)
     except ValueError:
         # Microsoft runtimes print NaN as -nan(ind), 1.#QNAN or the like.
-        if b"nan" in token.lower() or b"#ind" in token.lower():
+        if b"nan" in token.lower() or b"#in" in token.lower():
             return float("nan")
+        fortran = _FORTRAN.fullmatch(token)
+        if fortran is not None:
+            return float(fortran[1] + b"e" + fortran[2])
         return float(token.strip().strip(b"\"'").strip().replace(b",", b"."))
 
 
@@ -147,8 +153,12 @@ def split_line(line: bytes) -> list[bytes]:
         separator = next((mark for mark in ";\t|" if mark in text), "," if '",' in text or ',"' in text else " ")
         (words,) = csv.reader([text], delimiter=separator, skipinitialspace=True)
         return [word.strip().encode("latin-1") for word in words]
-    if b"," in line and b";" not in line and _has_decimal_commas(line):
-        return line.replace(b"|", b" ").split()
+    if b"," in line and b";" not in line and b"." not in line:
+        words = line.strip().rstrip(b",").split(b", ") if b", " in line else []
+        if len(words) >= 3 and all(_DECIMAL_COMMA.fullmatch(word.strip()) for word in words):
+            return [word.strip() for word in words]
+        if _has_decimal_commas(line):
+            return line.replace(b"|", b" ").split()
     for separator_byte in (b";", b",", b"|"):
         if separator_byte in line:
             return [column.strip() for column in line.strip().rstrip(separator_byte).split(separator_byte)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import lzma
+import math
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -14,7 +15,10 @@ import numpy as np
 from kpred.errors import ScanError
 from kpred.shapes.formats.records import BLOCK_ROWS, truncated
 
-_KEYS = ("points", "xyz", "vertices", "coords", "positions", "point_cloud", "pointcloud", "pc", "pos", "arr_0")
+_KEYS = (
+    *("points", "xyz", "vertices", "coords", "positions", "point_cloud", "pointcloud", "pc", "pos", "arr_0"),
+    *("pcd", "cloud", "pts", "point", "verts", "v", "scan", "data"),
+)
 _MIN_POINTS = 64
 """Fewer are no scan, so that an array of fewer rows than this and at least as many columns has points as columns."""
 
@@ -53,12 +57,29 @@ def npz_points(path: Path) -> Iterator[np.ndarray]:
                 raise ScanError(f"{path}: it is a pack of many meshes, not a scan; give one object's points.")
             known = {name.lower(): name for name in names}
             key = next((known[key] for key in _KEYS if key in known), names[0] if len(names) == 1 else None)
+            if key is None and {"x", "y", "z"} <= set(known):
+                yield from _three_arrays(archive, [known[axis] for axis in "xyz"], path)
+                return
             if key is None:
                 raise ScanError(f"{path}: none of its arrays is named points, xyz or vertices; name one so.")
             with archive.open(f"{key}.npy") as stream:
                 yield from _array_points(stream, f"{path} ({key})", archive.getinfo(f"{key}.npy").file_size)
     except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, LookupError, EOFError, RuntimeError, ValueError) as error:
         raise ScanError(f"{path}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
+
+
+def _three_arrays(archive: zipfile.ZipFile, names: list[str], path: Path) -> Iterator[np.ndarray]:
+    """Return the points whose coordinates are three arrays of one size."""
+    axes = []
+    for name in names:
+        with archive.open(f"{name}.npy") as stream:
+            shape, _, dtype = array_header(stream, f"{path} ({name})")
+            if dtype.kind not in "fiu" or not shape or math.prod(shape) * dtype.itemsize > _MAX_BYTES:
+                raise ScanError(f"{path}: its array {name} holds no coordinates; save the points as (N, 3).")
+            axes.append(_whole(stream, f"{path} ({name})", math.prod(shape), dtype))
+    if len({len(axis) for axis in axes}) != 1:
+        raise ScanError(f"{path}: its arrays x, y and z differ in length; save the points as (N, 3).")
+    yield from _blocks(np.stack([_floats(axis) for axis in axes], axis=1))
 
 
 def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) -> Iterator[np.ndarray]:
@@ -90,6 +111,8 @@ def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) 
 def _table(array: np.ndarray, wrong: ScanError) -> np.ndarray:
     """Return the points (N, 3 or more) of a two-dimensional array, or of an organised cloud."""
     shape = array.shape
+    if len(shape) == 3 and shape[0] == 1 and shape[1] < _MIN_POINTS <= shape[2]:
+        return _table(array[0], wrong)
     if len(shape) == 3:
         if 3 <= shape[2] <= _MAX_CHANNELS and (shape[0] != 3 or shape[2] == 3):
             return array.reshape(-1, shape[2])

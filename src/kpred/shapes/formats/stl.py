@@ -59,7 +59,10 @@ def _text(data: bytes, path: Path) -> np.ndarray:
     if not whole:
         raise MeshError(f"{path}: it is not a whole STL file (damaged or cut short); copy or export it again.")
     try:
-        return np.array(found, dtype=np.bytes_).astype(np.float64).reshape(-1, 3)
+        words = np.array(found, dtype=np.bytes_)
+        if any(b"," in word for corner in found[:1024] for word in corner):  # Decimal commas.
+            words = np.char.replace(words, b",", b".")
+        return words.astype(np.float64).reshape(-1, 3)
     except ValueError as error:
         raise MeshError(f"{path}: a vertex does not hold three numbers; export the mesh again.") from error
 
