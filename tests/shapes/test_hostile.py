@@ -43,7 +43,7 @@ READERS: dict[Callable[[Path], Any], tuple[str, ...]] = {
 
 @pytest.fixture
 def at_once() -> Iterator[None]:
-    """Fails a test that takes longer than 30 seconds, by an exception that no reader catches."""
+    """Fails a test that takes over 30 s of processor time or 10 minutes, by an exception that no reader catches."""
 
     class TooLong(BaseException):
         pass
@@ -51,11 +51,14 @@ def at_once() -> Iterator[None]:
     def stop(_number: int, _frame: FrameType | None) -> None:
         raise TooLong
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(30)
+    before = {number: signal.signal(number, stop) for number in (signal.SIGALRM, signal.SIGPROF)}
+    signal.alarm(600)
+    signal.setitimer(signal.ITIMER_PROF, 30)
     yield
     signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
+    signal.setitimer(signal.ITIMER_PROF, 0)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def read_by_all(file: Path) -> None:

@@ -154,9 +154,9 @@ def split_line(line: bytes) -> list[bytes]:
         (words,) = csv.reader([text], delimiter=separator, skipinitialspace=True)
         return [word.strip().encode("latin-1") for word in words]
     if b"," in line and b";" not in line and b"." not in line:
-        words = line.strip().rstrip(b",").split(b", ") if b", " in line else []
-        if len(words) >= 3 and all(_DECIMAL_COMMA.fullmatch(word.strip()) for word in words):
-            return [word.strip() for word in words]
+        columns = [column.strip() for column in line.strip().rstrip(b",").split(b", ")]
+        if len(columns) >= 3 and all(map(_DECIMAL_COMMA.fullmatch, columns)):
+            return columns
         if _has_decimal_commas(line):
             return line.replace(b"|", b" ").split()
     for separator_byte in (b";", b",", b"|"):

@@ -132,8 +132,9 @@ def _is_running(rows: list[list[bytes]], whole: list[bool]) -> bool:
         return False
     numbers = [int(row[0]) for row in rows]
     steps = [b - a for a, b in zip(numbers, numbers[1:], strict=False)]
+    kinds = [len({row[column] for row in rows}) for column in (1, 2, 3)]
     if numbers[0] in (0, 1) and set(steps) == {1}:
-        return True
-    # A profile of heights has growing whole x too, but one y.
-    changing = all(len({row[column] for row in rows}) > len(rows) // 2 for column in (1, 2, 3))
-    return min(steps) > 0 and changing and not any(whole[1:4])
+        # A profile of heights has growing whole x too, but one y; rows of a grid grow behind their one x.
+        heights = [number_of(row[2]) for row in rows if _is_number(row[2])]
+        return kinds[0] > 1 or heights == sorted(heights)
+    return min(steps) > 0 and min(kinds) > len(rows) // 2 and not any(whole[1:4])
