@@ -22,9 +22,10 @@ from kpred.fitting import sample_scan
 from kpred.fitting.options import FitOptions
 from kpred.fitting.stages import Context
 from kpred.shapes.mesh import Mesh
-from kpred.studio.opening import open_scan
+from kpred.studio.opening import Opened, open_scan
 from kpred.studio.serve import Studio
 from kpred.studio.state import State
+from kpred.studio.tabs import scan_tabs
 
 
 def subdivided(state: State, count: int) -> State:
@@ -59,7 +60,7 @@ def moves(url: str, studio: Studio, count: int) -> list[float]:
         more = {"aspect": 1.0, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 1.0, 0.0)}
         tab.send(pack({"type": "ViewerCameraMessage", **camera, **more}))
         _wait(tab, unpack, "MeshMessage", "/result")
-        page = studio.pages[0]
+        page = studio.tabs[0].page
         page.select(0)
         start = page.state.shape.keypoints[0]
         for number in range(count):
@@ -88,7 +89,7 @@ def main() -> None:
     options = parser.parse_args()
     opened = open_scan(sample_scan(), Context.load(None, None, None), FitOptions())
     state = subdivided(opened.start, options.vertices)
-    studio = Studio(state, opened.name, port=0)
+    studio = Studio(scan_tabs(Opened(state, opened.name)), port=0)
     cpu = time.process_time()
     times = np.array(moves(studio.url, studio, options.moves)[10:]) * 1000
     cpu = (time.process_time() - cpu) / options.moves * 1000

@@ -15,8 +15,11 @@ import numpy as np
 import pytest
 
 from kpred.studio.gestures import ChooseModel, Crop, MoveKeypoint, RefitRest, SetSize, Turn
+from kpred.studio.opening import Opened
+from kpred.studio.room import RoomSession
 from kpred.studio.serve import Studio
 from kpred.studio.state import State
+from kpred.studio.tabs import room_tabs, scan_tabs
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 PICTURES = os.environ.get("KPRED_STUDIO_PICTURES")
@@ -43,7 +46,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def studio(start: State) -> Iterator[Studio]:
-    running = Studio(start, "chair_scan.ply", port=0)
+    running = Studio(scan_tabs(Opened(start, "chair_scan.ply")), port=0)
     yield running
     running.stop()
 
@@ -57,6 +60,11 @@ def tab(browser: Any, studio: Studio) -> Iterator[Any]:
     page.get_by_text("Scan to result").wait_for()
     yield page
     context.close()
+
+
+def _page(studio: Studio) -> Any:
+    """What the newest tab shows."""
+    return studio.tabs[-1].page
 
 
 def _until(condition: Callable[[], bool]) -> None:
@@ -92,7 +100,7 @@ def _screen(tab: Any, point: np.ndarray, camera: Any) -> tuple[float, float]:
 
 
 def test_a_keypoint_is_dragged_by_the_mouse_and_undone_in_one_tab_alone(tab: Any, browser: Any, studio: Studio) -> None:
-    mine = studio.pages[-1]
+    mine = _page(studio)
     _picture(tab, "start")
     keypoint = int(mine.state.shape.keypoints[:, 1].argmax())
     mine.select(keypoint)
@@ -116,9 +124,9 @@ def test_a_keypoint_is_dragged_by_the_mouse_and_undone_in_one_tab_alone(tab: Any
     other.goto(studio.url)
     other.get_by_text("Scan to result").wait_for(timeout=LONG)
     assert other.get_by_text("corrected by hand").count() == 0
-    assert [page.session.gestures for page in studio.pages if page is not mine] == [()]
+    assert [tab.page.session.gestures for tab in studio.tabs if tab.page is not mine] == [()]
     other.close()
-    _until(lambda: len(studio.pages) == 1)
+    _until(lambda: len(studio.tabs) == 1)
     while mine.session.can_undo:
         count = len(mine.session.gestures)
         tab.get_by_role("button", name="Undo").click()
@@ -127,7 +135,7 @@ def test_a_keypoint_is_dragged_by_the_mouse_and_undone_in_one_tab_alone(tab: Any
 
 
 def test_models_turns_and_errors(tab: Any, studio: Studio) -> None:
-    page = studio.pages[-1]
+    page = _page(studio)
     tab.get_by_role("button", name="3", exact=True).click()
     _until(lambda: [type(one) for one in page.session.gestures] == [ChooseModel])
     chosen = page.state.candidates[2].model_id
@@ -149,7 +157,7 @@ def test_models_turns_and_errors(tab: Any, studio: Studio) -> None:
 
 
 def test_sizes_and_refitting(tab: Any, studio: Studio) -> None:
-    page = studio.pages[-1]
+    page = _page(studio)
     tab.get_by_role("tab", name="Shape").click()
     field = tab.get_by_label("Height, cm")
     field.fill("95")
@@ -173,3 +181,80 @@ def test_results_and_records_are_downloads(tab: Any, studio: Studio, tmp_path: P
     assert (tmp_path / "chair_scan.stl").stat().st_size > 1000
     assert json.loads((tmp_path / "chair_scan.studio.json").read_text())["studio"] == 1
     _picture(tab, "save")
+
+
+def test_a_scan_is_sent_from_the_browser(tab: Any, studio: Studio, tmp_path: Path) -> None:
+    before = _page(studio)
+    rng = np.random.default_rng(0)
+    table = np.concatenate(
+        [np.column_stack([rng.uniform(-0.6, 0.6, 900), np.full(900, 0.75), rng.uniform(-0.4, 0.4, 900)])]
+        + [
+            np.column_stack([np.full(100, x), rng.uniform(0, 0.75, 100), np.full(100, z)])
+            for x in (-0.55, 0.55)
+            for z in (-0.35, 0.35)
+        ]
+    )
+    np.savetxt(tmp_path / "my table.xyz", table)
+    (tmp_path / "no scan.pdf").write_bytes(b"%PDF")
+    for name in ("no scan.pdf", "my table.xyz"):
+        with tab.expect_file_chooser() as waiting:
+            tab.get_by_role("button", name="Open another scan").click()
+        waiting.value.set_files(tmp_path / name)
+        if name == "no scan.pdf":
+            tab.get_by_text("cannot be sent").wait_for()
+            assert _page(studio) is before
+    _until(lambda: _page(studio) is not before)
+    tab.get_by_text("Scan to result").wait_for()
+    after = _page(studio)
+    assert after.name == "my_table.xyz" and len(after.state.points) == len(table)
+    assert before.session.gestures == ()
+    _picture(tab, "upload")
+
+
+def test_a_room_is_corrected_object_by_object(browser: Any, room: RoomSession, tmp_path: Path) -> None:
+    running = Studio(room_tabs(room), port=0)
+    try:
+        context = browser.new_context(viewport={"width": 1200, "height": 820})
+        tab = context.new_page()
+        tab.set_default_timeout(LONG)
+        tab.goto(running.url)
+        tab.get_by_text("2 objects fitted").wait_for()
+        _picture(tab, "room")
+        first, second = room.objects
+        mine = running.tabs[-1].room
+        tab.get_by_role("button", name=re.compile(f"^{re.escape(first)} ")).click()
+        tab.get_by_text("Scan to result").wait_for()
+        tab.get_by_role("button", name="180°").click()
+        _until(lambda: [type(one) for one in mine.session(first).gestures] == [Turn])
+        _picture(tab, "room_object")
+        tab.get_by_role("button", name="Back to the room").click()
+        tab.get_by_text("corrected", exact=False).first.wait_for()
+        # The other one is clicked in the picture, and left out.
+        view = running.tabs[-1].page._view
+        item = mine.items()[1]
+        tab.wait_for_timeout(3000)
+        camera = running.tabs[-1].client.camera
+        faces = view.place(item.fit.mesh.triangles_center)
+        # Of the top, a face in front: the name hovers over the middle.
+        top = faces[faces[:, 1] > faces[:, 1].max() - 0.02]
+        x, y = _screen(tab, top[np.linalg.norm(top - camera.position, axis=1).argmin()], camera)
+        tab.mouse.move(x, y)
+        tab.wait_for_timeout(500)
+        _picture(tab, "room_corrected")
+        tab.mouse.click(x, y)
+        tab.get_by_label("In the room").uncheck(force=True)
+        _until(lambda: mine.left_out == {second})
+        tab.get_by_role("button", name="Back to the room").click()
+        tab.get_by_text("1 left out").wait_for()
+        tab.get_by_role("tab", name="Save").click()
+        for button, name in (("Room (.glb)", "room.glb"), ("Record of the session", "room.studio.json")):
+            with tab.expect_download() as waiting:
+                tab.get_by_role("button", name=re.compile(re.escape(button))).first.click()
+            assert waiting.value.suggested_filename == name
+            waiting.value.save_as(tmp_path / name)
+        assert json.loads((tmp_path / "room.studio.json").read_text())["left_out"] == [second]
+        _picture(tab, "room_save")
+        context.close()
+        assert not room.left_out, "the tab has a session of its own"
+    finally:
+        running.stop()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
@@ -17,25 +18,34 @@ from kpred.shapes.unit import UnitName
 if TYPE_CHECKING:
     from kpred.fitting.stages import Context
     from kpred.studio.opening import Opened
+    from kpred.studio.room import RoomSession
+    from kpred.studio.tabs import Tab
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudioCommand(Command):
     """Open a page in the browser to look at a fit and to correct it by hand.
 
-    Needs the extra: pip install 'kpred[studio]'. The page is served on this machine alone, until Ctrl-C.
+    Of a raw room, all furniture is fitted first, as `kpred scene` does; an object that is clicked is corrected as a
+    scan is. Needs the extra: pip install 'kpred[studio]'. The page is served on this machine alone, until Ctrl-C.
 
     examples:
       kpred studio chair.ply
       kpred studio scan.pcd --up z --database mine.kpred
       kpred studio chair.studio.json --scan chair.ply
       kpred studio chair.studio.json -o chair.obj
+      kpred studio room.ply --up z
+      kpred studio room.studio.json -o room.glb
     """
 
-    opened: Annotated[Positional[Path | None], arg(metavar="SCAN_OR_RECORD")] = None
-    """A scan, or the record (.json) of a session; without it, the bundled sample scan"""
+    opened: Annotated[Positional[Path | None], arg(metavar="SCAN_ROOM_OR_RECORD")] = None
+    """A scan, a room, or the record (.json) of a session; without it, the bundled sample scan"""
+    kind: Literal["auto", "object", "room"] = "auto"
+    """What the scan shows: one object, or a room; auto finds out"""
+    objects: Annotated[Path | None, arg(metavar="FILE")] = None
+    """What names the objects of a room, as for kpred scene; without it, they are found"""
     scan: Annotated[Path | None, arg(metavar="FILE")] = None
-    """Scan of a record; without it, the file of its name beside the record"""
+    """Scan or room of a record; without it, the file of its name beside the record"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
     """Write the result of a record to this file, and open no page"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
@@ -66,11 +76,24 @@ class StudioCommand(Command):
             # Before the work: a port in use is known at once.
             free_port(self.host, self.port)
         context = Context.load(self.model, self.database, self.category)
-        opened = self._open(context)
-        if self.output is not None:
-            self._write(opened, self.output, output)
-            return
-        self._serve(opened, output)
+        if self._is_room(context):
+            self._run_room(self._open_room(context), output)
+        else:
+            self._run_object(self._open(context), output)
+
+    def _is_room(self, context: Context) -> bool:
+        from kpred.fitting.options import FitOptions
+        from kpred.studio.record import is_record
+        from kpred.studio.room_opening import is_plainly_room
+        from kpred.studio.room_record import is_room_record
+
+        if self.opened is not None and is_record(self.opened):
+            return is_room_record(self.opened)
+        if self.kind == "object" or self.opened is None:
+            return False
+        if self.kind == "room" or self.objects is not None:
+            return True
+        return is_plainly_room(self.opened, context, FitOptions(up=self.up, unit=self.unit))
 
     def _open(self, context: Context) -> Opened:
         from kpred.fitting.defaults import sample_scan
@@ -78,30 +101,80 @@ class StudioCommand(Command):
         from kpred.studio.opening import open_record, open_scan
         from kpred.studio.record import is_record
 
+        if self.objects is not None:
+            raise UsageError("--objects names the objects of a room; it says nothing of one object.")
         if self.opened is not None and is_record(self.opened):
-            if (self.up, self.deform, self.unit, self.category) != ("auto", "auto", "auto", None):
-                raise UsageError("The record holds category, up axis, deform mode and unit; leave out these options.")
+            self._check_record_alone()
             return open_record(self.opened, self.scan, context)
-        if self.scan is not None or self.output is not None:
-            raise UsageError("--scan and --output belong to the record of a session; use kpred fit for a scan.")
+        self._check_no_record()
         options = FitOptions(up=self.up, deform=self.deform, unit=self.unit)
         return open_scan(sample_scan() if self.opened is None else self.opened, context, options)
 
-    def _write(self, opened: Opened, path: Path, output: Output) -> None:
-        from kpred.studio.session import Session
+    def _open_room(self, context: Context) -> RoomSession:
+        from kpred.cli.progress import ProgressBar
+        from kpred.studio.record import is_record
+        from kpred.studio.room_opening import RoomFiles, RoomOptions, open_room, open_room_record
 
+        assert self.opened is not None
+        if self.category is not None:
+            raise UsageError("--category is that of one object; leave it out for a room, or give --kind object.")
+        with ProgressBar() as bar:
+            if is_record(self.opened):
+                self._check_record_alone()
+                files = None if self.scan is None else RoomFiles(self.scan, self.objects)
+                return open_room_record(
+                    self.opened, files, context, lambda done, total, name: bar.update("objects", done, total, name)
+                )
+            self._check_no_record()
+            options = RoomOptions(self.up, self.deform, self.unit)
+            return open_room(
+                RoomFiles(self.opened, self.objects),
+                context,
+                options,
+                lambda done, total, name: bar.update("objects", done, total, name),
+            )
+
+    def _check_record_alone(self) -> None:
+        if (self.up, self.deform, self.unit, self.category) != ("auto", "auto", "auto", None):
+            raise UsageError("The record holds category, up axis, deform mode and unit; leave out these options.")
+
+    def _check_no_record(self) -> None:
+        if self.scan is not None or self.output is not None:
+            raise UsageError(
+                "--scan and --output belong to the record of a session; use kpred fit for a scan, and kpred scene for "
+                "a room."
+            )
+
+    def _run_object(self, opened: Opened, output: Output) -> None:
+        from kpred.studio.session import Session
+        from kpred.studio.tabs import scan_tabs
+
+        if self.output is None:
+            self._serve(scan_tabs(opened), opened.name, output)
+            return
         state = Session.replay(opened.start, opened.gestures).state
-        files = state.result.save(path)
+        files = state.result.save(self.output)
         output.result({**state.result.to_json(), "files": files})
         output.note("\n".join(f"wrote {file}" for file in files))
 
-    def _serve(self, opened: Opened, output: Output) -> None:
+    def _run_room(self, room: RoomSession, output: Output) -> None:
+        from kpred.studio.tabs import room_tabs
+
+        if self.output is None:
+            self._serve(room_tabs(room), room.name, output)
+            return
+        result = room.result()
+        result.to_glb(self.output)
+        output.result({**result.to_json(self.output.name), "files": [self.output]})
+        output.note(f"wrote {self.output}")
+
+    def _serve(self, make_tab: Callable[[Any], Tab], name: str, output: Output) -> None:
         import webbrowser
 
         from kpred.studio.serve import Studio
 
-        studio = Studio(opened.start, opened.name, opened.gestures, self.host, self.port)
-        output.note(f"kpred studio shows {opened.name} at {studio.url} (Ctrl-C ends it)")
+        studio = Studio(make_tab, self.host, self.port)
+        output.note(f"kpred studio shows {name} at {studio.url} (Ctrl-C ends it)")
         try:
             if self.browser:
                 webbrowser.open(studio.url)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,42 @@ from kpred.detection.objects import detected_floor, detected_objects, level_scen
 from kpred.errors import ScanError
 from kpred.fitting.arrangement import arrange
 from kpred.fitting.fit_scene import SceneFit, fit_scene
+from kpred.fitting.object_fit import ObjectFit
 from kpred.nn import Model
+from kpred.ops.typing import Float
+from kpred.scenes.floor import SceneFloor
 from kpred.scenes.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class LevelRoom:
+    """The fits of a room in a frame in which it stands upright.
+
+    Attributes:
+        scan: the room as it was scanned; up: the up axis of the level frame.
+        fits: in the level frame; floor: there, if it was found.
+        leveling: rotation (3, 3) from the scan's frame to the level one.
+        unexplained: rows of the scan's points of no object, floor, wall or ceiling.
+    """
+
+    scan: Scene
+    up: str
+    fits: tuple[ObjectFit, ...]
+    floor: SceneFloor | None = None
+    leveling: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    unexplained: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @classmethod
+    def of(cls, fitted: SceneFit) -> LevelRoom:
+        """Take the fits of a scene that stands upright."""
+        return cls(fitted.scene, fitted.scene.up, fitted.fits, fitted.floor)
+
+    def in_scan(self, fits: Sequence[ObjectFit] | None = None) -> SceneFit:
+        """Return the fits, or others in the level frame, in the frame of the scan."""
+        back, level = self.leveling.T, self.fits if fits is None else fits
+        if not np.array_equal(back, np.eye(3)):
+            level = [item.rotated(back) for item in level]
+        return SceneFit(replace(self.scan, up=self.up), tuple(level), self.floor, self.leveling, self.unexplained)
 
 
 def fit_room(
@@ -45,6 +79,27 @@ def fit_room(
     """
     if progress is not None:
         progress(0, 1, "objects of the room")
+    return fit_level_room(scene, model, database, progress, up, detector, floor, **fit_options).in_scan()
+
+
+def fit_level_room(
+    scene: Scene,
+    model: Model | str | os.PathLike[str] | None = None,
+    database: Database | str | os.PathLike[str] | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
+    up: str = "auto",
+    detector: Detector | None = None,
+    floor: bool = True,
+    **fit_options: Any,
+) -> LevelRoom:
+    """Fit a room as `fit_room` does, and leave the results in the frame in which it stands upright.
+
+    Raises:
+        ScanError: nothing was found.
+        ModelError, DatabaseError: they are missing, or the database was made by other weights.
+    """
+    if progress is not None:
+        progress(0, 1, "objects of the room")
     found = detect_objects(scene.points, up, detector)
     if not found.objects:
         raise ScanError(f"{scene.path or scene.name}: {_nothing_found(scene, found)}")
@@ -53,10 +108,9 @@ def fit_room(
     objects = detected_objects(level, found)
     fitted = fit_scene(level, objects, model, database, progress, False if ground is None else ground, **fit_options)
     fits = arrange(fitted.fits, level.up, ground, found.gravity.metres)
-    back = found.gravity.rotation.T
-    if found.gravity.is_tilted:
-        fits = [item.rotated(back) for item in fits]
-    return SceneFit(replace(scene, up=level.up), tuple(fits), ground, found.gravity.rotation, unexplained(scene, found))
+    leveling = found.gravity.rotation
+    rest = unexplained(scene, found)
+    return LevelRoom(scene, level.up, tuple(fits), ground, leveling, rest)
 
 
 def _nothing_found(scene: Scene, found: Detection) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import RLock
 from typing import Any
 
@@ -26,10 +27,13 @@ class Page:
     """One tab; its callbacks come from several threads and take turns.
 
     Args:
-        client: viser's; session: of this tab alone; name: of the scan's file.
+        client: viser's; session: of this tab alone; name: of the scan's file, or of the object.
+        add_controls: adds controls at the top.
     """
 
-    def __init__(self, client: Any, session: Session, name: str) -> None:
+    def __init__(
+        self, client: Any, session: Session, name: str, add_controls: Callable[[Page], None] | None = None
+    ) -> None:
         self.client, self.session, self.name = client, session, name
         self.keypoint: int | None = None
         self._turn = RLock()
@@ -38,6 +42,8 @@ class Page:
         with self._turn:
             gui = client.gui
             gui.configure_theme(show_share_button=False, show_logo=False, control_layout="fixed", control_width="large")
+            if add_controls is not None:
+                add_controls(self)
             self._facts, self._message = gui.add_markdown(""), gui.add_markdown("")
             steps = gui.add_button_group("History", ("Undo", "Redo"))
             steps.on_click(lambda _: self._step(steps.value))

@@ -116,6 +116,23 @@ def read_record(path: Path) -> Record:
     Raises:
         ConfigError: the file is missing or no record, or a newer kpred made it.
     """
+    content = read_content(path)
+    if "room" in content:
+        raise ConfigError(f"{path}: it is the record of a room; give the room as --scan.")
+    try:
+        return _record(content)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ConfigError(f"{path}: the record is damaged; save the session again.") from error
+
+
+def read_content(path: Path) -> dict[str, Any]:
+    """Read the JSON of a record, of any origin, of a scan or of a room.
+
+    Raises:
+        ConfigError: the file is missing or no record, or a newer kpred made it.
+    """
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ConfigError(f"{path}: it is too large to be a record of kpred studio.")
@@ -127,12 +144,8 @@ def read_record(path: Path) -> Record:
         raise ConfigError(f"{path}: it is no record of kpred studio; give a scan, or the record of a session.")
     if schema > SCHEMA:
         raise ConfigError(f"{path}: a newer version of kpred made this record; update kpred.")
-    try:
-        return _record(content)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ConfigError(f"{path}: the record is damaged; save the session again.") from error
+    found: dict[str, Any] = content
+    return found
 
 
 def array_sha256(array: np.ndarray) -> str:
@@ -149,19 +162,20 @@ def _record(content: Mapping[str, Any]) -> Record:
     if len(content["gestures"]) > MAX_GESTURES:
         raise ConfigError(f"the record has more than {MAX_GESTURES} gestures.")
     record = Record(
-        scan=Path(_text(scan["name"])).name,
-        scan_sha256=_text(scan["sha256"]),
-        categories=tuple(_text(one) for one in content["categories"]),
+        scan=Path(text(scan["name"])).name,
+        scan_sha256=text(scan["sha256"]),
+        categories=tuple(text(one) for one in content["categories"]),
         options=dict(options),
-        fingerprints={_text(key): _text(value) for key, value in content["networks"].items()},
+        fingerprints={text(key): text(value) for key, value in content["networks"].items()},
         gestures=tuple(from_json(gesture) for gesture in content["gestures"]),
-        vertices_sha256=_text(content["result"]["vertices_sha256"]),
+        vertices_sha256=text(content["result"]["vertices_sha256"]),
     )
     record.fit_options()
     return record
 
 
-def _text(value: Any) -> str:
+def text(value: Any) -> str:
+    """Return a value that has to be text, or raise ValueError."""
     if not isinstance(value, str):
         raise ValueError(value)
     return value

@@ -1,16 +1,13 @@
-"""Serving one scan: every tab gets a page and a session of its own, all beginning with the same state."""
+"""Serving the page: every tab of a browser is one of its own."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
-from kpred.studio.gestures import Gesture
-from kpred.studio.page import Page
 from kpred.studio.server import start_server
-from kpred.studio.session import Session
-from kpred.studio.state import State
+from kpred.studio.tabs import Tab
 
 LOOPBACK = "127.0.0.1"
 PORT = 8080
@@ -20,19 +17,16 @@ class Studio:
     """A running studio.
 
     Args:
-        start: of every session; name: of the scan's file; gestures: that every session begins with.
+        make_tab: makes a tab of viser's client (`kpred.studio.tabs`).
         host, port: where the page is served; port 0 is any free one.
 
     Raises:
-        KpredError: the port is in use, viser is not installed, or a gesture cannot be done.
+        KpredError: the port is in use, or viser is not installed.
     """
 
-    def __init__(
-        self, start: State, name: str, gestures: Sequence[Gesture] = (), host: str = LOOPBACK, port: int = PORT
-    ) -> None:
-        self._start, self._name = start, name
-        self._opened = Session.replay(start, gestures)
-        self._pages: dict[int, Page] = {}
+    def __init__(self, make_tab: Callable[[Any], Tab], host: str = LOOPBACK, port: int = PORT) -> None:
+        self._make_tab = make_tab
+        self._tabs: dict[int, Tab] = {}
         self._lock = threading.Lock()
         self._server = start_server(host, port)
         self.url = f"http://{host}:{self._server.get_port()}"
@@ -40,28 +34,29 @@ class Studio:
         self._server.on_client_disconnect(self._disconnect)
 
     @property
-    def pages(self) -> tuple[Page, ...]:
-        """The pages of the tabs that are open, the oldest first."""
+    def tabs(self) -> tuple[Tab, ...]:
+        """The tabs that are open, the oldest first."""
         with self._lock:
-            return tuple(self._pages.values())
+            return tuple(self._tabs.values())
 
     def wait(self) -> None:
         """Serve until the program is stopped."""
         threading.Event().wait()
 
     def stop(self) -> None:
-        """End the server and its pages."""
-        for page in self.pages:
-            page.close()
+        """End the server and its tabs."""
+        for tab in self.tabs:
+            tab.close()
         self._server.stop()
 
     def _connect(self, client: Any) -> None:
-        page = Page(client, self._opened.copy(), self._name)
+        tab = self._make_tab(client)
+        tab.begin()
         with self._lock:
-            self._pages[client.client_id] = page
+            self._tabs[client.client_id] = tab
 
     def _disconnect(self, client: Any) -> None:
         with self._lock:
-            page = self._pages.pop(client.client_id, None)
-        if page is not None:
-            page.close()
+            tab = self._tabs.pop(client.client_id, None)
+        if tab is not None:
+            tab.close()
