@@ -72,6 +72,7 @@ class StudioCommand(Command):
         from kpred.fitting.stages import Context
         from kpred.studio.server import free_port
 
+        self._check()
         if self.output is None:
             # Before the work: a port in use is known at once.
             free_port(self.host, self.port)
@@ -101,12 +102,8 @@ class StudioCommand(Command):
         from kpred.studio.opening import open_record, open_scan
         from kpred.studio.record import is_record
 
-        if self.objects is not None:
-            raise UsageError("--objects names the objects of a room; it says nothing of one object.")
         if self.opened is not None and is_record(self.opened):
-            self._check_record_alone()
             return open_record(self.opened, self.scan, context)
-        self._check_no_record()
         options = FitOptions(up=self.up, deform=self.deform, unit=self.unit)
         return open_scan(sample_scan() if self.opened is None else self.opened, context, options)
 
@@ -120,12 +117,10 @@ class StudioCommand(Command):
             raise UsageError("--category is that of one object; leave it out for a room, or give --kind object.")
         with ProgressBar() as bar:
             if is_record(self.opened):
-                self._check_record_alone()
                 files = None if self.scan is None else RoomFiles(self.scan, self.objects)
                 return open_room_record(
                     self.opened, files, context, lambda done, total, name: bar.update("objects", done, total, name)
                 )
-            self._check_no_record()
             options = RoomOptions(self.up, self.deform, self.unit)
             return open_room(
                 RoomFiles(self.opened, self.objects),
@@ -134,16 +129,21 @@ class StudioCommand(Command):
                 lambda done, total, name: bar.update("objects", done, total, name),
             )
 
-    def _check_record_alone(self) -> None:
-        if (self.up, self.deform, self.unit, self.category) != ("auto", "auto", "auto", None):
-            raise UsageError("The record holds category, up axis, deform mode and unit; leave out these options.")
+    def _check(self) -> None:
+        """Refuse options that contradict each other."""
+        from kpred.studio.record import is_record
 
-    def _check_no_record(self) -> None:
+        if self.opened is not None and is_record(self.opened):
+            if (self.up, self.deform, self.unit, self.category) != ("auto", "auto", "auto", None):
+                raise UsageError("The record holds category, up axis, deform mode and unit; leave out these options.")
+            return
         if self.scan is not None or self.output is not None:
             raise UsageError(
                 "--scan and --output belong to the record of a session; use kpred fit for a scan, and kpred scene for "
                 "a room."
             )
+        if self.kind == "object" and self.objects is not None:
+            raise UsageError("--objects names the objects of a room; it says nothing of one object.")
 
     def _run_object(self, opened: Opened, output: Output) -> None:
         from kpred.studio.session import Session

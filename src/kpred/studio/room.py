@@ -67,7 +67,7 @@ class RoomSession:
             return made
 
     def session(self, name: str) -> Session:
-        """Return the session of an object; it begins when it is asked for first.
+        """Return the session of an object; it begins at its first use.
 
         Raises:
             ConfigError: the room has no such object, or it has no fit.

@@ -60,8 +60,8 @@ class RoomPage:
         else:
             assert item.fit is not None
             session = self.room.sessions.get(name)
-            corrected = " · corrected" if session is not None and session.gestures else ""
-            label = f"{name} · {item.fit.source.model_id[:24]} · {item.fit.confidence:.2f}{corrected}"
+            what = "corrected" if session is not None and session.gestures else item.fit.source.model_id
+            label = f"{name[:16]} · {what[:18]} · {item.fit.confidence:.2f}"
         self.client.gui.add_button(label).on_click(lambda _: self.open(name))
 
     def _add_saving(self) -> None:
