@@ -426,9 +426,10 @@ def test_files_that_may_not_grow(files: Path, tmp_path: Path) -> None:
     folder.mkdir()
     lines = writing_lines(files, folder)
     limits = {"mesh": 400, "pack": 4096, "database": 20_000, "rows": 400, "run": 20_000}
-    # Once without limits: what they compile is cached in files, too.
-    unlimited = writing_lines(files, tmp_path)
-    session([(unlimited[kind], 2**40) for kind in unlimited], tmp_path)
+    for line in writing_lines(
+        files, tmp_path
+    ).values():  # once without limits: what they compile is cached in files, too
+        assert main([str(word) for word in line]) == OK
     answers = session([(lines[kind], limits[kind]) for kind in lines], folder)
     for kind, answer in zip(lines, answers, strict=True):
         sentence = one_sentence(answer)
@@ -513,7 +514,7 @@ def models_in(path: Path) -> int:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_a_build_that_is_stopped_goes_on(how: signal.Signals, files: Path, tmp_path: Path, run_json: Run) -> None:
     pack, database = tmp_path / "table.npz", tmp_path / "out" / "a.kpred"
-    generate("table", 40, seed=1, splits=False).save(pack)
+    generate("table", 16, seed=1, splits=False).save(pack)
     line = ["database", "build", pack, "--model", files / "model", "--batch", 1, "-o", database]
     with started([*line, "--json"]) as child:
         wait_for(lambda: models_in(database) > 0, child)
@@ -527,11 +528,11 @@ def test_a_build_that_is_stopped_goes_on(how: signal.Signals, files: Path, tmp_p
         assert child.returncode == -signal.SIGKILL
     assert printed == ""
     done = models_in(database)
-    assert 0 < done < 40
+    assert 0 < done < 16
     with closing(sqlite3.connect(database)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
     again = run_json(*line)
-    assert (again["present"], again["added"]) == (done, 40 - done)
+    assert (again["present"], again["added"]) == (done, 16 - done)
     assert [item.name for item in database.parent.iterdir()] == ["a.kpred"]
 
 
