@@ -39,7 +39,7 @@ docs: $(STAMP)
 
 # Source archive, the wheel made of it, and the wheel of the paper's weights, into dist/.
 dist: $(STAMP)
-	@$(BIN)/python -c 'import build' 2>/dev/null || $(PIP) install -c constraints.txt build
+	@$(BIN)/python -m build --version >/dev/null 2>&1 || $(PIP) install -c constraints.txt build
 	@rm -rf dist
 	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --outdir dist >build.log 2>&1 || { cat build.log >&2; exit 1; }
 	@PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --wheel --outdir dist paper >build.log 2>&1 || { cat build.log >&2; exit 1; }

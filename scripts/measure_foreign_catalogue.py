@@ -23,7 +23,7 @@ from PIL import Image, ImageDraw, ImageFont
 from kpred.database import Database
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.outcome import FitSettings, moved, try_fit
+from kpred.evaluation.scans.outcome import FailedFit, FitSettings, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget, make_scan_target
 from kpred.evaluation.tables.targets import limited
 from kpred.nn import load_model
@@ -63,9 +63,9 @@ def measure(target: ScanTarget, mesh: Mesh, category: str, settings: FitSettings
     low, high = truth.bounds
     truth.apply_translation(-(low + high) / 2)
     truth.apply_scale(2 / float((high - low).max()))
-    if isinstance(found, str):
+    if isinstance(found, FailedFit):
         pictures = (draw_tile(Tile((), "open", target.known, one)) for one in (None, truth))
-        return Row(target.model_id, category, failure=found), np.concatenate(list(pictures), axis=1)[:, :1040]
+        return Row(target.model_id, category, failure=found.reason), np.concatenate(list(pictures), axis=1)[:, :1040]
     meshes = [moved(one, target.frame) for one in (found.mesh, found.retrieved_mesh)]
     side = float((target.high - target.low).max())
     result, undeformed = (100 * float(Surface(one).distances(target.whole).mean()) / side for one in meshes)

@@ -19,7 +19,7 @@ import trimesh
 from kpred.evaluation.header import provenance
 from kpred.evaluation.methods.method import Prediction, Query, Searcher
 from kpred.evaluation.methods.sources import Sources
-from kpred.evaluation.scans.outcome import FitSettings, moved, try_fit
+from kpred.evaluation.scans.outcome import FailedFit, FitSettings, moved, try_fit
 from kpred.evaluation.scans.targets import random_frame
 from kpred.fitting.stages import SCAN_POINTS
 from kpred.nn import Model
@@ -76,8 +76,8 @@ class _Searcher:
             UNKNOWN_FRAME: try_fit(frame.from_unit(known), settings, up="y", **options),
         }
         for method, fit in fits.items():
-            if isinstance(fit, str):
-                own.report(f"no result: {query.target}, {method}: {fit}")
+            if isinstance(fit, FailedFit):
+                own.report(f"no result: {query.target}, {method}: {fit.reason}")
                 continue
             mesh = moved(fit.mesh, frame) if method == UNKNOWN_FRAME else fit.mesh
             yield Prediction(method, top_k, fit.source.model_id, sample_mesh(mesh, SCAN_POINTS, checksum))

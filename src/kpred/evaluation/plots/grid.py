@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from kpred.evaluation.database_source import Progress
 from kpred.evaluation.plots.figure import new_figure, show_pictures
 from kpred.evaluation.plots.views import blank, mesh_picture, with_points
-from kpred.evaluation.scans.outcome import FitSettings, try_fit
+from kpred.evaluation.scans.outcome import FailedFit, FitSettings, try_fit
 from kpred.evaluation.tables.bench import check_names
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import loaded_models
@@ -107,10 +107,10 @@ def _results(
     options: dict[str, Any] = {"frame": "known", "category": pack.category, "partial": config.occlusion > 0}
     refined = try_fit(cloud, settings, **options)
     plain = try_fit(cloud, settings, deform="paper", **options)
-    if isinstance(refined, str):
-        report(f"no result: {target.model_id}: {refined}")
+    if isinstance(refined, FailedFit):
+        report(f"no result: {target.model_id}: {refined.reason}")
         return [None] * 3
-    published = None if isinstance(plain, str) else _mesh(plain.mesh, _error(plain))
+    published = None if isinstance(plain, FailedFit) else _mesh(plain.mesh, _error(plain))
     return [published, _mesh(refined.retrieved_mesh, ""), _mesh(refined.mesh, _error(refined))]
 
 

@@ -18,7 +18,7 @@ from kpred.evaluation.metrics.reliability import Reliability, reliability
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
 from kpred.evaluation.scans.calibration_scans import make_calibration_scan
-from kpred.evaluation.scans.outcome import YAW_RIGHT, FitSettings, moved, try_fit
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FailedFit, FitSettings, moved, try_fit
 from kpred.evaluation.scans.scan_outcomes import NEAR
 from kpred.evaluation.scans.targets import ScanTarget
 from kpred.evaluation.tables.packs import pack_files
@@ -100,8 +100,8 @@ def collect_samples(
                 report(f"left out: {error}")
                 continue
             found = try_fit(scan.target.scan, settings, up="y")
-            if isinstance(found, str):
-                report(f"no result: {pack.model_id[row]}: {found}")
+            if isinstance(found, FailedFit):
+                report(f"no result: {pack.model_id[row]}: {found.reason}")
             else:
                 right = pack.category == found.category and is_right(found, scan.target)
                 samples.append(CalibrationSample(pack.category, scan.kind, right, found.evidence))

@@ -14,7 +14,7 @@ import trimesh
 from kpred.database import Entry
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.outcome import YAW_RIGHT, FitOutcome, FitSettings, claims, moved, try_fit
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FailedFit, FitOutcome, FitSettings, claims, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget
 from kpred.fitting import Fit
 from kpred.ops.typing import Float
@@ -80,8 +80,8 @@ def measure_catalogue_scan(
     """Fit the scan of a model of the database, up axis and category given; errors of the fit go to the outcome."""
     truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
     found = try_fit(target.scan, settings, up="y", category=category)
-    if isinstance(found, str):
-        return CatalogueOutcome(**truth, failure=found)
+    if isinstance(found, FailedFit):
+        return CatalogueOutcome(**truth, failure=found.reason)
     result, undeformed = moved(found.mesh, target.frame), moved(found.retrieved_mesh, target.frame)
     side = float((target.high - target.low).max())
     distance, placed = (float(Surface(mesh).distances(target.whole).mean()) / side for mesh in (result, undeformed))

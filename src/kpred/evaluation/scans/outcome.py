@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import trimesh
 
 from kpred.database import Database
 from kpred.errors import KpredError
+from kpred.evaluation.metrics.summary import ALL
 from kpred.fitting import Fit
 from kpred.fitting.pipeline import fit
 from kpred.json_output import plain
 from kpred.nn import Model
 from kpred.ops import Frame
+
+Outcome = TypeVar("Outcome", bound="FitOutcome")
 
 YAW_RIGHT = 15.0
 """Degrees."""
@@ -28,6 +32,13 @@ class FitSettings:
     database: Database
     top_k: int
     seed: int
+
+
+@dataclass(frozen=True)
+class FailedFit:
+    """A scan without a result; `reason` is one sentence."""
+
+    reason: str
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,14 +78,23 @@ class FitOutcome:
         return {str(key): value for key, value in plain(values | self.facts()).items()}
 
 
-def try_fit(points: np.ndarray, settings: FitSettings, **options: Any) -> Fit | str:
-    """Fit a scan, or return one sentence that says why there is no result."""
+def try_fit(points: np.ndarray, settings: FitSettings, **options: Any) -> Fit | FailedFit:
+    """Fit a scan, or say why there is no result."""
     try:
         return fit(points, settings.model, settings.database, top_k=settings.top_k, seed=settings.seed, **options)
     except KpredError as error:
-        return " ".join(str(error).split())
+        return FailedFit(" ".join(str(error).split()))
     except Exception as error:  # One target must not cost the others their results.
-        return f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+        return FailedFit(f"unexpected {type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def by_category(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[Outcome]]]:
+    """Group outcomes by true category, sorted; where there are several, the group of all comes last."""
+    categories = sorted({outcome.category for outcome in outcomes})
+    for category in categories:
+        yield category, [outcome for outcome in outcomes if outcome.category == category]
+    if len(categories) > 1:
+        yield ALL, list(outcomes)
 
 
 def claims(found: Fit) -> dict[str, Any]:

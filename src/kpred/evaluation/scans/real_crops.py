@@ -20,9 +20,9 @@ import trimesh
 from kpred.errors import ConfigError, ScanError
 from kpred.evaluation.database_source import Progress
 from kpred.evaluation.metrics.cleanliness_measures import MEASURES
-from kpred.evaluation.metrics.summary import ALL, Scope, Summary
+from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, claims, try_fit
+from kpred.evaluation.scans.outcome import FailedFit, FitOutcome, FitSettings, by_category, claims, try_fit
 from kpred.fitting import Fit
 from kpred.ops.rotations import UP_AXES, upright_rotation
 from kpred.preprocessing.clean import clean_scan
@@ -133,10 +133,10 @@ def measure_crop(crop: Crop, settings: FitSettings, find_up: bool = False) -> Cr
         nothing = Tile((name, str(error)), "wrong", np.zeros((1, 3)))
         return CropOutcome(file=name, category=crop.category, tile=nothing, failure=str(error))
     found = try_fit(points, settings, up="auto" if find_up else crop.up)
-    if isinstance(found, str):
+    if isinstance(found, FailedFit):
         standing = points @ upright_rotation(crop.up).T
-        nothing = Tile((name, found), "wrong", standing)
-        return CropOutcome(file=name, category=crop.category, tile=nothing, points=len(points), failure=found)
+        nothing = Tile((name, found.reason), "wrong", standing)
+        return CropOutcome(file=name, category=crop.category, tile=nothing, points=len(points), failure=found.reason)
     kept = clean_scan(points, crop.up, seed=settings.seed).object_points
     distances = Surface(found.mesh).distances(points)
     unit = found.frame.to_unit(np.asarray(found.mesh.vertices, dtype=np.float64))
@@ -188,9 +188,7 @@ def evaluate_crops(
 def summarise_crops(outcomes: Sequence[CropOutcome], dataset: str, seed: int) -> list[Summary]:
     """Summaries of each category and of all crops; a crop without a result counts as wrong, and not in means."""
     rows: list[Summary] = []
-    categories = sorted({outcome.category for outcome in outcomes})
-    for category in [*categories, ALL] if len(categories) > 1 else categories:
-        mine = [outcome for outcome in outcomes if category in (outcome.category, ALL)]
+    for category, mine in by_category(outcomes):
         fitted = [outcome for outcome in mine if outcome.failure is None]
         scope, frame = Scope(dataset, SPLIT, category, seed), "scan"
         for name in ("distance_all", "distance_kept"):

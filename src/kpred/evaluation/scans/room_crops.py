@@ -13,7 +13,7 @@ from kpred.evaluation.database_source import Progress
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import Symmetry, vertical_symmetry, yaw_between, yaw_error
 from kpred.evaluation.scans.calibration import CalibrationSample
-from kpred.evaluation.scans.outcome import YAW_RIGHT, FitSettings, moved, try_fit
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FailedFit, FitSettings, moved, try_fit
 from kpred.evaluation.scans.scan_outcomes import NEAR
 from kpred.ops import Frame
 from kpred.ops.rotations import yaw_rotation
@@ -102,8 +102,8 @@ def collect_crop_samples(
     targets = draw_crop_targets(rooms, sorted(settings.model.categories), limit, others, settings.seed)
     for done, target in enumerate(targets, start=1):
         found = try_fit(target.scan, settings, up="y")
-        if isinstance(found, str):
-            report(f"no result: {target.category}: {found}")
+        if isinstance(found, FailedFit):
+            report(f"no result: {target.category}: {found.reason}")
         else:
             right = target.accepts(found.category, found.frame.rotation, found.mesh)
             samples.append(CalibrationSample(target.category, KIND, right, found.evidence))

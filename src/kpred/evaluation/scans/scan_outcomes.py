@@ -14,7 +14,7 @@ import trimesh
 
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
-from kpred.evaluation.scans.outcome import YAW_RIGHT, FitOutcome, FitSettings, claims, moved, try_fit
+from kpred.evaluation.scans.outcome import YAW_RIGHT, FailedFit, FitOutcome, FitSettings, claims, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget
 from kpred.ops.rotations import upright_rotation
 from kpred.pose.proposals import up_axis
@@ -92,9 +92,10 @@ def measure_scan(target: ScanTarget, category: str, settings: FitSettings, keep_
     # The rotation takes z up to y up; from the right it takes y up to z up.
     truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", settings.model.recognizer)
     given = try_fit(target.known, settings, frame="known", category=category, partial=True)
-    known, known_failure = (None, given) if isinstance(given, str) else (errors_of_result(given.mesh, target), None)
-    if isinstance(found, str):
-        return ScanOutcome(**truth, failure=found, known_failure=known_failure, known=known)
+    known = None if isinstance(given, FailedFit) else errors_of_result(given.mesh, target)
+    known_failure = given.reason if isinstance(given, FailedFit) else None
+    if isinstance(found, FailedFit):
+        return ScanOutcome(**truth, failure=found.reason, known_failure=known_failure, known=known)
     mesh = moved(found.mesh, target.frame)
     return ScanOutcome(
         **truth,
@@ -111,8 +112,8 @@ def measure_other(target: ScanTarget, category: str, settings: FitSettings, keep
     """Fit a scan of something that is of no known category: only what the fit claims is of interest."""
     found = try_fit(target.scan, settings, up="y")
     truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
-    if isinstance(found, str):
-        return ScanOutcome(**truth, failure=found)
+    if isinstance(found, FailedFit):
+        return ScanOutcome(**truth, failure=found.reason)
     mesh = moved(found.mesh, target.frame) if keep_mesh else None
     return ScanOutcome(**truth, result=mesh, **claims(found))
 

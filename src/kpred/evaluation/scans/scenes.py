@@ -18,10 +18,10 @@ import trimesh
 
 from kpred.errors import KpredError, ScanError
 from kpred.evaluation.database_source import Progress
-from kpred.evaluation.metrics.summary import ALL, Scope, Summary
+from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
-from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, claims
+from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, by_category, claims
 from kpred.evaluation.scans.real_crops import SPLIT
 from kpred.fitting.fit_scene import fit_scene
 from kpred.fitting.object_fit import ObjectFit
@@ -141,9 +141,7 @@ def scan_of(root: Path, id_scan: str) -> Path:
 def summarise_scenes(outcomes: Sequence[SceneOutcome], dataset: str, seed: int) -> list[Summary]:
     """Summaries of each category and of all objects; one without a result counts as wrong, and not in means."""
     rows: list[Summary] = []
-    categories = sorted({outcome.category for outcome in outcomes})
-    for category in [*categories, ALL] if len(categories) > 1 else categories:
-        mine = [outcome for outcome in outcomes if category in (outcome.category, ALL)]
+    for category, mine in by_category(outcomes):
         fitted = [outcome for outcome in mine if outcome.failure is None]
         scope, frame = Scope(dataset, SPLIT, category, seed), "scan"
         distances = [outcome.distance for outcome in fitted if outcome.distance is not None]
