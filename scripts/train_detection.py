@@ -1,10 +1,12 @@
 """Train the two networks of detection on virtual rooms; a few minutes on a processor.
 
-    kpred data rooms -n 200 --seed 503 --packs INFINIGEN/*.npz --points 60000 -o rooms.npz
-    python scripts/train_detection.py rooms.npz [...] -o src/kpred/bundled/detector
+    kpred data rooms -n 240 --seed 504 --packs INFINIGEN/*.npz --points 50000 -o rooms.npz
+    python scripts/train_detection.py rooms.npz [...] -o src/kpred/bundled/detector --examples examples.npz
 
-Rooms are turned by random yaws; every third is thinned at random. The pair network learns from the first half of the
-rooms, the proposal network from all of them, by proposals that the pair network makes.
+Rooms are turned by random yaws; every second is thinned at random; what stands in a cabinet is part of it. The pair
+network learns from all rooms, and so does the proposal network, by proposals that the pair network makes. What the
+proposal network learns from is kept in the file of examples, and the output is written every minute: a run that was
+stopped goes on with `--start-from OUTPUT`.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from torch.nn import functional
 from kpred.detection.crops import OWN_POINTS, proposal_crops
 from kpred.detection.networks import CATEGORIES, Detector
 from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
-from kpred.evaluation.rooms.virtual import upright_room
+from kpred.evaluation.rooms.virtual import room_rotation, upright_room
 from kpred.synthetic.rooms.pack import RoomPack
 
 MIN_SEEN = 60
@@ -34,6 +36,9 @@ KEPT = 70
 
 RIGHT, WRONG = 0.5, 0.35
 """IoU of a proposal from which it has its object's category, and below which it has none."""
+
+
+NAMES = ("clouds", "amount", "iou", "category")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +83,30 @@ def labelled_rooms(files: list[Path]) -> Iterator[Labelled]:
         pack = RoomPack.load(file)
         for index in range(len(pack)):
             rng = np.random.default_rng([index, 7])
-            points, instance, objects = upright_room(pack, index, float(rng.uniform(0, 2 * np.pi)))
-            if index % 3 == 0:
+            yaw = float(rng.uniform(0, 2 * np.pi))
+            points, instance, objects = upright_room(pack, index, yaw)
+            room_turn = room_rotation(yaw)
+            instance = with_contents(pack, points, instance, objects, room_turn)
+            if index % 2 == 0:
                 kept = np.sort(rng.permutation(len(points))[: int(rng.uniform(15_000, 40_000))])
                 points, instance = points[kept], instance[kept]
             room = prepare_room(points)
             if room.pieces is not None:
                 yield Labelled(room, voxel_owner(room.grid.owner, instance, len(room.grid)), pack.category[objects])
+
+
+def with_contents(
+    pack: RoomPack, points: np.ndarray, instance: np.ndarray, objects: slice, turn: np.ndarray
+) -> np.ndarray:
+    """Return instances (N,) where small things in a cabinet's box belong to the cabinet."""
+    result = instance.copy()
+    small = (pack.category[objects] == "other") & (pack.surface_row[objects] < 0)
+    loose = np.flatnonzero((instance >= 0) & small[instance])
+    for row in np.flatnonzero(pack.category[objects] == "cabinet"):
+        pose, (low, high) = pack.pose[objects][row].astype(np.float64), pack.box[objects][row]
+        local = (points[loose] @ turn - pose[:3, 3]) @ pose[:3, :3]
+        result[loose[((local > low) & (local < high)).all(axis=1)]] = row
+    return result
 
 
 def voxel_owner(owner: np.ndarray, instance: np.ndarray, count: int) -> np.ndarray:
@@ -97,13 +119,14 @@ def voxel_owner(owner: np.ndarray, instance: np.ndarray, count: int) -> np.ndarr
     return result
 
 
-def train_pairs(detector: Detector, rooms: list[Labelled], epochs: int) -> None:
-    """Train the pair network on the pairs of these rooms."""
+def train_pairs(detector: Detector, rooms: list[Labelled], epochs: int, fresh: bool) -> None:
+    """Train the pair network on the pairs of these rooms; a fresh one learns the features' scales first."""
     features = torch.from_numpy(np.concatenate([one.room.features for one in rooms])).float()
     labels = torch.from_numpy(np.concatenate([one.pair_labels() for one in rooms])).float()
     network = detector.pairs.train()
-    network.mean.copy_(features.mean(0))
-    network.deviation.copy_(features.std(0) + 1e-3)
+    if fresh:
+        network.mean.copy_(features.mean(0))
+        network.deviation.copy_(features.std(0) + 1e-3)
     steps = epochs * (len(features) // 256 + 1)
     optimizer = torch.optim.AdamW(network.parameters(), 2e-3, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps)
@@ -146,14 +169,14 @@ def examples(detector: Detector, rooms: list[Labelled]) -> Examples:
     return Examples(joined[0], joined[1].float(), joined[2].float(), joined[3])
 
 
-def train_proposals(detector: Detector, data: Examples, seconds: float) -> None:
-    """Train the proposal network for so long."""
+def train_proposals(detector: Detector, data: Examples, seconds: float, output: Path, rate: float = 2e-3) -> None:
+    """Train the proposal network for so long; write it every minute."""
     network, batch = detector.proposals.train(), 64
-    optimizer = torch.optim.AdamW(network.parameters(), 2e-3, weight_decay=1e-3)
-    started, step, losses = time.process_time(), 0, [0.0]
+    optimizer = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-3)
+    started, step, losses, written = time.process_time(), 0, [0.0], time.monotonic()
     while (done := (time.process_time() - started) / seconds) < 1.0:
         for group in optimizer.param_groups:
-            group["lr"] = 2e-3 * min(1.0, step / 100) * (1.0 - done) ** 1.2
+            group["lr"] = rate * min(1.0, step / 100) * (1.0 - done) ** 1.2
         rows = torch.randint(len(data.iou), (batch,))
         logits, quality = network(varied(data.clouds[rows].float()), data.amount[rows])
         iou = data.iou[rows]
@@ -168,6 +191,9 @@ def train_proposals(detector: Detector, data: Examples, seconds: float) -> None:
         losses.append(float(loss.detach()))
         if step % 500 == 0:
             print(f"step {step}: loss {np.mean(losses[-500:]):.3f}, {done:.0%} of the time", flush=True)
+        if time.monotonic() - written > 60.0:
+            detector.save(output)
+            written = time.monotonic()
     network.eval()
 
 
@@ -195,16 +221,25 @@ def main() -> None:
     parser.add_argument("rooms", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--seconds", type=float, default=400.0, help="processor time of the proposal network")
+    parser.add_argument("--examples", type=Path, help="file of what the proposal network learns from, kept")
+    parser.add_argument("--start-from", type=Path, help="a detector to go on from, at half the rate")
     options = parser.parse_args()
     torch.manual_seed(0)
-    detector = Detector()
-    started = time.process_time()
-    rooms = list(labelled_rooms(options.rooms))
-    print(f"{len(rooms)} rooms prepared in {time.process_time() - started:.0f} s", flush=True)
-    train_pairs(detector, rooms[: (len(rooms) + 1) // 2], 12)
-    data = examples(detector, rooms)
+    detector = Detector() if options.start_from is None else Detector.load(options.start_from)
+    if options.examples is not None and options.examples.is_file():
+        with np.load(options.examples) as stored:
+            data = Examples(*(torch.from_numpy(stored[name]) for name in NAMES))
+    else:
+        started = time.process_time()
+        rooms = list(labelled_rooms(options.rooms))
+        print(f"{len(rooms)} rooms prepared in {time.process_time() - started:.0f} s", flush=True)
+        train_pairs(detector, rooms, 8, fresh=options.start_from is None)
+        detector.save(options.output)
+        data = examples(detector, rooms)
+        if options.examples is not None:
+            np.savez(options.examples, **{name: getattr(data, name).numpy() for name in NAMES})
     print(f"{len(data.iou)} proposals, {int((data.iou >= RIGHT).sum())} with an object", flush=True)
-    train_proposals(detector, data, options.seconds)
+    train_proposals(detector, data, options.seconds, options.output, 2e-3 if options.start_from is None else 1e-3)
     detector.save(options.output)
 
 

@@ -39,10 +39,13 @@ MIN_WALL_AREA = 1.2
 MAX_OUTSIDE = 0.04
 """Fraction of the room's voxels that may lie beyond an outer wall."""
 
-END, LOW_WALL = 0.01, (0.75, 0.5)
+END, LOW_WALL = 0.02, (0.6, 0.35)
 """A lower layer is a wall if no more than the first fraction of the room is beyond it, and if it has these fractions of
 the room's height and of its length.
 """
+
+INNER_TOP, MAX_BEHIND = 0.85, 0.1
+"""Of a wall with the room beside it: its top as a fraction of the room's height; voxels behind it to those on it."""
 
 _ANGLES = 90
 _CELL = 0.1
@@ -209,7 +212,12 @@ def _is_wall(depth: np.ndarray, along: np.ndarray, height: np.ndarray, near: np.
         # The front of a wardrobe has the room's wall beside it, a hand's breadth to an arm's length behind.
         return 1.0 if beyond[0] <= beyond[1] else -1.0
     is_partition = width > 2.0 and top > 0.85 * room_top and area > 3.0
-    return 0.0 if is_partition else None
+    low, high = np.quantile(along[near], [0.02, 0.98])
+    before = (along > low + 0.1) & (along < high - 0.1)
+    behind = min(int((before & (side * depth > WALL_TOLERANCE)).sum()) for side in (1.0, -1.0))
+    # Where a room is no rectangle, a wall has nothing behind itself, though the room goes on beside it.
+    is_inner = top > INNER_TOP * room_top and area > MIN_WALL_AREA and behind < MAX_BEHIND * near.sum()
+    return 0.0 if is_partition or is_inner else None
 
 
 def _plan_cells(points: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from kpred.detection.networks import Detector
 from kpred.detection.objects import detected_floor, detected_objects, level_scene, unexplained
 from kpred.errors import ScanError
 from kpred.fitting.arrangement import arrange
+from kpred.fitting.equal_objects import share_models
 from kpred.fitting.fit_scene import SceneFit, fit_scene
 from kpred.fitting.object_fit import ObjectFit
 from kpred.nn import Model
@@ -62,6 +63,7 @@ def fit_room(
     up: str = "auto",
     detector: Detector | None = None,
     floor: bool = True,
+    share: bool = True,
     **fit_options: Any,
 ) -> SceneFit:
     """Find the furniture of a room, fit a CAD model to each piece, and put the results together.
@@ -72,6 +74,7 @@ def fit_room(
         up: the up axis (x, y, z, -x, -y, -z); `auto` finds the up direction, which need not be an axis.
         detector: networks that find objects; None means bundled.
         floor: take furniture to stand on the floor, also where its feet were not scanned.
+        share: give equal things one model and its deformation, where their scans agree with it.
 
     Raises:
         ScanError: nothing was found.
@@ -79,7 +82,7 @@ def fit_room(
     """
     if progress is not None:
         progress(0, 1, "objects of the room")
-    return fit_level_room(scene, model, database, progress, up, detector, floor, **fit_options).in_scan()
+    return fit_level_room(scene, model, database, progress, up, detector, floor, share, **fit_options).in_scan()
 
 
 def fit_level_room(
@@ -90,6 +93,7 @@ def fit_level_room(
     up: str = "auto",
     detector: Detector | None = None,
     floor: bool = True,
+    share: bool = True,
     **fit_options: Any,
 ) -> LevelRoom:
     """Fit a room as `fit_room` does, and leave the results in the frame in which it stands upright.
@@ -107,7 +111,8 @@ def fit_level_room(
     ground = detected_floor(found) if floor else None
     objects = detected_objects(level, found)
     fitted = fit_scene(level, objects, model, database, progress, False if ground is None else ground, **fit_options)
-    fits = arrange(fitted.fits, level.up, ground, found.gravity.metres)
+    equal = share_models(fitted.fits, level.up, found.gravity.metres) if share else fitted.fits
+    fits = arrange(equal, level.up, ground, found.gravity.metres)
     leveling = found.gravity.rotation
     rest = unexplained(scene, found)
     return LevelRoom(scene, level.up, tuple(fits), ground, leveling, rest)

@@ -28,6 +28,7 @@ class ObjectFit:
         error: why there is none, one sentence that names the object.
         skipped: the object is of a category that the model or the database does not know, so that nothing was tried.
         floor: height of the floor it was taken to stand on, along the scene's up axis; None where it is unknown.
+        shares: name of an equal object whose model and deformation it has; None where they are its own.
     """
 
     object: SceneObject
@@ -35,6 +36,7 @@ class ObjectFit:
     error: str | None = None
     skipped: bool = False
     floor: float | None = None
+    shares: str | None = None
 
     def cad_mesh(self) -> trimesh.Trimesh:
         """Return the deformed mesh in ShapeNet's frame: y up, front -z, centred, box diagonal 1."""
@@ -102,6 +104,7 @@ class ObjectFit:
         if self.fit is not None:
             facts |= {
                 "node": self.node,
+                "shares": self.shares,
                 "detection_score": self.object.score,
                 "confidence": self.fit.confidence,
                 "warnings": list(self.fit.warnings),

@@ -40,7 +40,7 @@ def path_poses(room: Room, free: np.ndarray, frames: int, rng: np.random.Generat
     turns = rng.uniform(1.2, 3.0) * rng.choice([-1.0, 1.0])
     time = np.linspace(0.0, 1.0, frames)
     yaw = rng.uniform(0, 2 * np.pi) + 2 * np.pi * turns * time + _wave(time, 0.5, rng)
-    pitch = np.radians(rng.uniform(-32.0, -14.0)) + _wave(time, 0.22, rng) + _wave(time, 0.1, rng)
+    pitch = np.radians(rng.uniform(-40.0, -14.0)) + _wave(time, 0.22, rng) + _wave(time, 0.1, rng)
     height = rng.uniform(1.25, 1.7) + _wave(time, 0.12, rng)
     roll = _wave(time, 0.06, rng)
     eyes = np.column_stack([place[:, 0], height, place[:, 1]])

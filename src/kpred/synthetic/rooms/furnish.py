@@ -1,4 +1,4 @@
-"""Furnished rooms: offices, meeting rooms, living rooms, bedrooms, kitchens, stores; by seed."""
+"""Furnished rooms: offices, meeting, living and waiting rooms, bedrooms, kitchens, stores, studies; by seed."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from kpred.synthetic.rooms.catalogue import Catalogue
 from kpred.synthetic.rooms.clutter import clutter_floor, clutter_objects
 from kpred.synthetic.rooms.fixtures import hang_fixtures
 from kpred.synthetic.rooms.groups import bed_group, desk_at_wall, island, lounge, row, table_group, width_of
+from kpred.synthetic.rooms.interior_walls import interior_walls
+from kpred.synthetic.rooms.long_desks import long_desk, waiting_seats
 from kpred.synthetic.rooms.room import Room
 from kpred.synthetic.rooms.shell import Wall, build_shell
 
@@ -26,6 +28,7 @@ def furnish_room(seed: int, index: int, catalogue: Catalogue) -> Room:
     shell, walls = build_shell(size, rng)
     for wall in walls:
         shell += hang_fixtures(wall, rng)
+    shell += interior_walls(size, rng)
     room = Arrangement(size, walls, shell, catalogue, rng)
     RECIPES[name][0](room)
     for _ in range(2):
@@ -55,7 +58,7 @@ def _spots(wall: Wall, step: float) -> np.ndarray:
 
 
 def office(room: Arrangement) -> None:
-    """Return furnish desks along walls or in an island, office chairs, cabinets, sometimes other chairs."""
+    """Furnish desks along walls or in an island, office chairs, cabinets, sometimes other chairs."""
     rng, walls = room.rng, _walls(room)
     desk, chair = room.draw("desk"), room.draw("office chair")
     if min(room.size[[0, 2]]) > 4.0 and happens(rng, 0.35):
@@ -77,7 +80,7 @@ def office(room: Arrangement) -> None:
 
 
 def meeting(room: Arrangement) -> None:
-    """Return furnish a table in the middle with many chairs, more chairs along a wall, a few cabinets."""
+    """Furnish a table in the middle with many chairs, more chairs along a wall, a few cabinets."""
     rng, walls = room.rng, _walls(room)
     chairs = pick(rng, ["office chair", "dining chair"])
     for _ in range(whole(rng, 1, 2)):
@@ -89,7 +92,7 @@ def meeting(room: Arrangement) -> None:
 
 
 def living(room: Arrangement) -> None:
-    """Return furnish one or two sofas with low tables and armchairs, cabinets, often a table with chairs."""
+    """Furnish one or two sofas with low tables and armchairs, cabinets, often a table with chairs."""
     rng, walls = room.rng, _walls(room)
     for wall in walls[: whole(rng, 1, 2)]:
         lounge(room, wall)
@@ -104,7 +107,7 @@ def living(room: Arrangement) -> None:
 
 
 def bedroom(room: Arrangement) -> None:
-    """Return furnish a bed or two with nightstands, a wardrobe, a chest, a desk, an armchair."""
+    """Furnish a bed or two with nightstands, a wardrobe, a chest, a desk, an armchair."""
     rng, walls = room.rng, _walls(room)
     bed_group(room, walls[0])
     if happens(rng, 0.3):
@@ -120,7 +123,7 @@ def bedroom(room: Arrangement) -> None:
 
 
 def kitchen(room: Arrangement) -> None:
-    """Return furnish low cabinets in a row with others above them, a table with chairs or stools."""
+    """Furnish low cabinets in a row with others above them, a table with chairs or stools."""
     rng, walls = room.rng, _walls(room)
     for wall in walls[: whole(rng, 1, 2)]:
         row(room, "low cabinet", wall, whole(rng, 2, 6))
@@ -133,7 +136,7 @@ def kitchen(room: Arrangement) -> None:
 
 
 def store(room: Arrangement) -> None:
-    """Return furnish shelves and cabinets along all walls, a table, stray chairs, many boxes."""
+    """Furnish shelves and cabinets along all walls, a table, stray chairs, many boxes."""
     rng = room.rng
     for wall in _walls(room)[: whole(rng, 2, 4)]:
         row(room, "tall cabinet", wall, whole(rng, 2, 6))
@@ -145,12 +148,39 @@ def store(room: Arrangement) -> None:
     clutter_floor(room, whole(rng, 2, 8))
 
 
+def study(room: Arrangement) -> None:
+    """Furnish long tops along walls, shelves hung above them, full bookcases, chairs."""
+    rng, walls = room.rng, _walls(room)
+    chair = room.draw("office chair")
+    for wall in walls[: whole(rng, 1, 3)]:
+        long_desk(room, wall, chair)
+        if happens(rng, 0.6):
+            row(room, "wall cabinet", wall, whole(rng, 1, 5), height=between(rng, 1.05, 1.5))
+    for wall in walls[1:]:
+        row(room, "tall cabinet", wall, whole(rng, 0, 4))
+    for _ in range(whole(rng, 0, 3)):
+        room.anywhere("office chair", chair if happens(rng, 0.6) else room.draw("office chair"))
+
+
+def waiting(room: Arrangement) -> None:
+    """Furnish armchairs side by side, along walls and back to back, with small low tables between them."""
+    rng, walls = room.rng, _walls(room)
+    for wall in walls[: whole(rng, 1, 3)]:
+        waiting_seats(room, wall)
+    lounge(room, walls[3])
+    if happens(rng, 0.5):
+        table_group(room, "low table", "armchair", 4)
+    row(room, pick(rng, ["low cabinet", "tall cabinet"]), walls[2], whole(rng, 0, 2))
+
+
 RECIPES: dict[str, tuple[Recipe, float]] = {
-    "office": (office, 0.34),
-    "meeting": (meeting, 0.16),
-    "living": (living, 0.2),
+    "office": (office, 0.24),
+    "meeting": (meeting, 0.12),
+    "living": (living, 0.16),
     "bedroom": (bedroom, 0.12),
     "kitchen": (kitchen, 0.1),
-    "store": (store, 0.08),
+    "store": (store, 0.06),
+    "study": (study, 0.12),
+    "waiting": (waiting, 0.08),
 }
 """Name -> how a kind of room is furnished, and its fraction of the rooms."""
