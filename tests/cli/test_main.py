@@ -64,7 +64,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["xyz"], "`kpred --help` lists the commands"),
         (["data", "infos"], "did you mean `kpred data info`?"),
         (["data", "info"], "no pack was named"),
-        (["scene", "room.ply"], "--output"),
+        (["scene"], "SCENE"),
         (["fit", "scan.ply", "-o", "a.obj", "--frame", "sideways"], "sideways"),
         (["fit", "scan.ply", "-o", "a.obj", "--top-k", "many"], "many"),
         (["fit", "scan.ply", "-o", "a.obj", "--no-such-option"], "--no-such-option"),

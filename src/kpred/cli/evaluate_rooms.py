@@ -18,7 +18,8 @@ class RoomsCommand(FitsCommand):
 
     Rooms are room packs (`kpred data rooms`, of other seeds and shapes than any training) and folders of real ones:
     NAME.ply, NAME.instances.npy (instance of each point, 0 for none) and NAME.names.json (name of each). Overlap is
-    that of points. Fitted rooms are measured for shared volume and for results off the floor as well.
+    that of points. Fitted rooms are measured for shared volume, for results off the floor, for the distance from scan
+    to result and, where the true poses are known, by Scan2CAD's criterion (20 cm, 20 degrees, 20 % scale) as well.
 
     examples:
       kpred evaluate rooms val.npz rooms/ --detect-only

@@ -19,6 +19,7 @@ from kpred.refinement.config import Deform
 if TYPE_CHECKING:
     from kpred.fitting.fit_scene import SceneFit
     from kpred.fitting.object_fit import ObjectFit
+    from kpred.scenes.scan2cad import AlignedModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +29,12 @@ class SceneCommand(Command):
     Without --objects, and without instance numbers in the scene's file, the chairs, tables and cabinets of the raw scan
     are found, in any orientation. The result is one GLB, y up, with a node for each object. Beside it lie a record
     (.json), the alignments as Scan2CAD annotates them (_scan2cad.json) and benchmarks them (<scene>.csv), and a picture
-    (.png). Objects of categories that the model does not know are skipped; one that fails does not stop the others.
+    (.png). Scan2CAD's benchmark counts models outside of its own pool as wrong: `--pool` writes the pool's model whose
+    proportions are nearest. Objects of categories that the model does not know are skipped; one that fails does not
+    stop the others.
 
     examples:
+      kpred scene room.ply
       kpred scene room.ply -o room.glb
       kpred scene room.ply -o room.glb --report room.html
       kpred scene scene0470_00_vh_clean_2.ply --objects full_annotations.json -o scene.glb
@@ -47,10 +51,12 @@ class SceneCommand(Command):
     objects: Annotated[Path | None, arg(metavar="FILE")] = None
     """Instance numbers (.npy .npz .txt .ply), ScanNet aggregation or boxes (.json), Scan2CAD full_annotations.json, or
     an S3DIS Annotations folder; without it, the instance numbers in the scene's own PLY, or else what is found"""
-    output: Annotated[Path, arg(aliases=["-o"], metavar="OUT")]
-    """The scene to write (.glb)"""
+    output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
+    """The scene to write (.glb); without it, SCENE_fitted.glb in this folder"""
     labels: Annotated[Path | None, arg(metavar="FILE")] = None
     """PLY with NYU40 labels of the points; without it, ScanNet's .labels.ply beside the scene, if there is one"""
+    pool: Annotated[Path | None, arg(metavar="FILE")] = None
+    """Scan2CAD full_annotations.json whose models of this scan name the results in the lines for its benchmark"""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """Up axis of the scene; auto: z, and y for .glb and .gltf, or, where objects are found, the up direction is too"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
@@ -81,14 +87,17 @@ class SceneCommand(Command):
         from kpred.fitting.fit_scene import fit_scene
         from kpred.reports.page import check_report
         from kpred.scenes.objects import objects_of
+        from kpred.scenes.scan2cad_pool import read_pool
         from kpred.scenes.scene import read_scene, scene_name
 
-        _check_output(self._files(scene_name(self.scene)), [self.scene, self.objects, self.labels])
+        files = self._files(scene_name(self.scene))
+        _check_output(files, [self.scene, self.objects, self.labels, self.pool])
         if self.report is not None:
             check_report(self.report)
         if not self.overwrite:
-            check_foreign(self.output.with_suffix(".json"), self._files(scene_name(self.scene))[1:])
+            check_foreign(files[1], files[1:] if self.output is not None else files)
         scene = read_scene(self.scene, None if self.up == "auto" else self.up, self.labels)
+        pool = None if self.pool is None else read_pool(self.pool, scene.name)
         finds = self.objects is None and scene.instances is None
         with ProgressBar() as bar:
             options: dict[str, Any] = {
@@ -102,8 +111,8 @@ class SceneCommand(Command):
                 result = fit_room(scene, self.model, self.database, up=self.up, **options)
             else:
                 result = fit_scene(scene, objects_of(scene, self.objects), self.model, self.database, **options)
-        files = self._write(result)
-        output.result({**result.to_json(self.output.name), "files": files})
+        written = self._write(result, pool)
+        output.result({**result.to_json(files[0].name), "files": written})
         columns = ["object", "category", "points", "model", "mean distance", "confidence", "ms", ""]
         output.table(f"scene {scene.name}", columns, [_row(item) for item in result.fits])
         if finds:
@@ -111,7 +120,7 @@ class SceneCommand(Command):
         for item in result.fits:
             if item.error is not None:
                 output.note(f"{'skipped' if item.skipped else 'failed'}: {item.error}")
-        for file in files:
+        for file in written:
             output.note(f"wrote {file}")
         for item in result.fitted:
             for sentence in item.fit.warnings if item.fit is not None else ():
@@ -123,11 +132,13 @@ class SceneCommand(Command):
 
     def _files(self, name: str) -> tuple[Path, ...]:
         """Return the paths of GLB, record, annotation, benchmark lines and picture."""
-        out = self.output
+        from kpred.cli.fit_files import default_output
+
+        out = self.output or default_output(self.scene)
         annotation = out.with_name(f"{out.stem}_scan2cad.json")
         return out, out.with_suffix(".json"), annotation, out.with_name(f"{name}.csv"), out.with_suffix(".png")
 
-    def _write(self, result: SceneFit) -> list[Path]:
+    def _write(self, result: SceneFit, pool: tuple[AlignedModel, ...] | None) -> list[Path]:
         from kpred._version import __version__
         from kpred.atomic import write_together
         from kpred.json_output import json_text
@@ -150,7 +161,7 @@ class SceneCommand(Command):
                 glb: result.to_glb,
                 record_file: json_writer(record),
                 annotation: json_writer(record["scan2cad"]),
-                lines: result.to_csv,
+                lines: lambda file: result.to_csv(file, pool),
             }
             drawn = scratch if self.picture and save_scene_picture(result, scratch) else None
             if drawn is not None:

@@ -21,7 +21,8 @@ from kpred.nn import Model
 from kpred.ops.rotations import upright_rotation
 from kpred.scenes.floor import SceneFloor, find_floor
 from kpred.scenes.objects import SceneObject
-from kpred.scenes.scan2cad import results, write_csv
+from kpred.scenes.scan2cad import AlignedModel, results, write_csv
+from kpred.scenes.scan2cad_pool import with_pool_models
 from kpred.scenes.scene import Scene
 from kpred.shapes.mesh_io import write_mesh
 
@@ -84,9 +85,14 @@ class SceneFit:
             raise OutputError(f"Cannot write {file}: no object of the scene was fitted, so it would be empty.")
         write_mesh(file, self.glb_scene())
 
-    def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the alignments as Scan2CAD's benchmark reads them (`kpred.scenes.scan2cad.write_csv`)."""
-        write_csv(path, [item.alignment() for item in self.fitted])
+    def to_csv(self, path: str | os.PathLike[str], pool: Sequence[AlignedModel] | None = None) -> None:
+        """Write the alignments as Scan2CAD's benchmark reads them (`kpred.scenes.scan2cad.write_csv`).
+
+        Args:
+            pool: annotated models that stand for the results (`kpred.scenes.scan2cad_pool.with_pool_models`).
+        """
+        alignments = [item.alignment() for item in self.fitted]
+        write_csv(path, alignments if pool is None else with_pool_models(alignments, pool))
 
     def to_json(self, mesh: str = "") -> dict[str, Any]:
         """Return everything but the meshes, as plain values; `mesh` names the GLB in Scan2CAD's entries.

@@ -8,7 +8,7 @@ import pytest
 
 from kpred.errors import ScanError
 from kpred.evaluation.rooms.labelled import LabelledRoom, labelled_rooms, true_objects
-from kpred.evaluation.rooms.matching import Match, counted, match_objects, right_rows
+from kpred.evaluation.rooms.matching import Match, average_precision, counted, match_objects, right_rows
 from kpred.evaluation.rooms.pages import room_page, summary_page
 from kpred.evaluation.rooms.run import RoomOutcome, RoomReport, summarize
 from kpred.evaluation.rooms.virtual import room_rotation
@@ -55,7 +55,9 @@ def test_what_the_labels_leave_open_is_neither_right_nor_wrong(room: LabelledRoo
 
 def test_precision_and_recall_of_all_rooms(room: LabelledRoom) -> None:
     matches = match_objects(room, [found("chair", range(0, 400), 0.9), found("cabinet", range(400, 600), 0.8)])
-    outcome = RoomOutcome("rooms", "one", 1000, true_objects(room), tuple(matches), 0.01, (0.0, 0.05), 3.0)
+    outcome = RoomOutcome(
+        "rooms", "one", 1000, true_objects(room), tuple(matches), interpenetration=0.01, off_floor=(0.0, 0.05)
+    )
     rows = {(row.category, row.metric, row.frame): row.value for row in summarize([outcome], "rooms", 0)}
     frame = "points of the scan, IoU 0.5"
     assert rows["all", "recall", frame] == 0.5
@@ -64,8 +66,18 @@ def test_precision_and_recall_of_all_rooms(room: LabelledRoom) -> None:
     assert rows["all", "category_right_of_located", "IoU 0.5"] == 0.5
     assert rows["all", "on_the_floor_within_1_cm", "results that stand on it"] == 0.5
     report = RoomReport({}, summarize([outcome], "rooms", 0), [outcome])
-    assert room_page(report).rows[0][2:6] == (2, 2, 1, 1)
+    assert room_page(report).rows[0][2:7] == (2, 2, 1, 1, None)
     assert len(summary_page(report).rows) == len(report.summaries)
+
+
+def test_average_precision_is_the_area_under_the_best_precision() -> None:
+    def match(score: float) -> Match:
+        return Match("chair", score, "chair", 0.9, 0)
+
+    rooms = [([match(0.9), match(0.3)], [True, True]), ([match(0.6), match(0.2)], [False, False])]
+    # Right, wrong, right, wrong: precision 1 up to a recall of 1/4, and 2/3 up to 2/4.
+    assert average_precision(rooms, "chair", 4) == pytest.approx(1 / 4 + 2 / 3 / 4)
+    assert average_precision(rooms, "table", 4) == 0.0
 
 
 def test_folders_of_labelled_rooms_are_read(tmp_path: Path) -> None:

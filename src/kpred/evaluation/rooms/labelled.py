@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from kpred.detection.networks import CATEGORIES
 from kpred.errors import ScanError
-from kpred.evaluation.rooms.virtual import upright_room
+from kpred.evaluation.rooms.poses import TruePose, true_poses
+from kpred.evaluation.rooms.virtual import room_rotation, upright_room
 from kpred.scenes.scene import Scene, read_scene
 from kpred.shapes.reading import reading
 from kpred.synthetic.rooms.pack import RoomPack
@@ -43,12 +45,14 @@ class LabelledRoom:
         dataset: where it comes from; scene: its points.
         instance: (N,) row of each point in `categories`, -1 for none.
         categories: chair, table, cabinet, `other`, or "" where the labels do not say.
+        poses: of the furniture, where they are known.
     """
 
     dataset: str
     scene: Scene
     instance: np.ndarray
     categories: tuple[str, ...]
+    poses: tuple[TruePose, ...] = ()
 
 
 def labelled_rooms(path: Path, limit: int | None = None) -> Iterator[LabelledRoom]:
@@ -73,7 +77,8 @@ def _of_pack(path: Path) -> Iterator[LabelledRoom]:
         names = pack.category[objects].tolist()
         categories = tuple("other" if name == "structure" else str(name) for name in names)
         scene = Scene(points, name=f"{path.stem}_{index:03d}_{pack.scanner[index]}")
-        yield LabelledRoom(path.stem, scene, instance.astype(np.int64), categories)
+        poses = true_poses(pack, objects, room_rotation(yaw), CATEGORIES)
+        yield LabelledRoom(path.stem, scene, instance.astype(np.int64), categories, poses)
 
 
 def _of_folder(folder: Path) -> Iterator[LabelledRoom]:

@@ -69,5 +69,26 @@ def counted(matches: Sequence[Match], right: Sequence[bool], category: str) -> l
     return [hit for match, hit in zip(matches, right, strict=True) if match.category == category and match.true != ""]
 
 
+def average_precision(rooms: Sequence[tuple[Sequence[Match], Sequence[bool]]], category: str, shown: int) -> float:
+    """Compute the area under precision over recall of a category, over all rooms; the score orders detections.
+
+    Args:
+        rooms: detections of each room, and which of them are right; shown: number of true objects.
+    """
+    scored = [
+        (match.score, hit)
+        for matches, right in rooms
+        for match, hit in zip(matches, right, strict=True)
+        if match.category == category and match.true != ""
+    ]
+    if not scored or not shown:
+        return 0.0
+    hits = np.array([hit for _, hit in sorted(scored, key=lambda pair: -pair[0])])
+    precision = np.cumsum(hits) / np.arange(1, len(hits) + 1)
+    # At each recall, the best precision at that recall or a higher one.
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    return float(envelope[hits].sum() / shown)
+
+
 def _counts(rows: Int[np.ndarray, " points"], count: int) -> np.ndarray:
     return np.bincount(rows[rows >= 0], minlength=count)[:count]

@@ -34,7 +34,7 @@ def room_page(report: RoomReport) -> Page:
     """Lay out rooms, one a row."""
     return Page(
         "rooms one by one: chairs, tables and cabinets shown, found, and right at each IoU of points",
-        ["room", "points", "shown", "found", *(f"right at {iou}" for iou in IOUS), "shared %", "seconds"],
+        ["room", "points", "shown", "found", *(f"right at {iou}" for iou in IOUS), "aligned", "shared %", "seconds"],
         [
             (
                 room.room,
@@ -42,6 +42,7 @@ def room_page(report: RoomReport) -> Page:
                 sum(name in CATEGORIES for name in room.shown.values()),
                 len(room.matches),
                 *(sum(right_rows(room.matches, iou)) for iou in IOUS),
+                None if room.aligned is None else f"{len(room.aligned)} of {len(room.posed)}",
                 None if room.interpenetration is None else round(100 * room.interpenetration, 2),
                 round(room.seconds, 1),
             )
