@@ -40,3 +40,26 @@ def test_without_a_floor_the_lowest_points_are_the_level(empty_room: np.ndarray)
     assert not found.found
     assert abs(found.plane[2] - 5.1) < 0.02
     assert found.mask.mean() > 0.9
+
+
+def test_the_inner_walls_of_a_room_that_is_no_rectangle_are_walls(empty_room: np.ndarray) -> None:
+    points = empty_room[::3]
+    points = points[(points[:, 0] < 1.0) | (points[:, 1] < 0.0)]
+    rng = np.random.default_rng(2)
+    one = np.column_stack([np.full(3000, 1.0), rng.uniform(0, 2, 3000), rng.uniform(0, 2.4, 3000)])
+    other = np.column_stack([rng.uniform(1, 2.5, 3000), np.zeros(3000), rng.uniform(0, 2.4, 3000)])
+    walls = np.concatenate([one, other]) + rng.normal(0.0, 0.002, (6000, 3))
+    found = find_structure(np.concatenate([points, walls]))
+    assert found.mask[-6000:].mean() > 0.9
+
+
+def test_walls_are_seen_by_their_lower_parts_alone(furnished_room: Room) -> None:
+    points, owner = furnished_room[0][::3], furnished_room[1][::3]
+    low = (points[:, 2] < 1.4) | (owner >= 0)
+    lamp = np.random.default_rng(3).uniform([0.9, -0.1, 0.0], [1.1, 0.1, 2.1], (1500, 3))
+    found = find_structure(np.concatenate([points[low], lamp]))
+    mask = found.mask[:-1500]
+    assert mask[owner[low] < 0].mean() > 0.95
+    assert found.mask[-1500:].mean() < 0.1
+    for row in range(3):
+        assert mask[owner[low] == row].mean() < 0.2
