@@ -225,7 +225,7 @@ def main() -> None:
     parser.add_argument("--start-from", type=Path, help="a detector to go on from, at half the rate")
     options = parser.parse_args()
     torch.manual_seed(0)
-    detector = Detector() if options.start_from is None else Detector.load(options.start_from)
+    detector = Detector() if options.start_from is None else Detector.load(options.start_from).requires_grad_(True)
     if options.examples is not None and options.examples.is_file():
         with np.load(options.examples) as stored:
             data = Examples(*(torch.from_numpy(stored[name]) for name in NAMES))
