@@ -12,7 +12,9 @@ import torch
 from kpred.database import Database, build_database
 from kpred.database.connection import create_file
 from kpred.errors import DatabaseError
+from kpred.fitting.defaults import shared_categories
 from kpred.nn import KPRed, Model, ModelConfig, load_model, save_network
+from kpred.nn.config import SHARED
 from kpred.shapes.mesh import Mesh
 
 COUNT = 11
@@ -247,3 +249,27 @@ def test_a_build_of_nothing_leaves_nothing_only_where_it_made_the_file(tmp_path,
     build_database(tmp_path / "a.kpred", [], model)
     build_database(tmp_path / "a.kpred", [], model, keep_empty=False)
     assert [file.name for file in tmp_path.iterdir()] == ["a.kpred"]
+
+
+def test_a_shared_network_encodes_shapes_under_their_own_category(tmp_path, model):
+    torch.manual_seed(5)
+    shared = KPRed(ModelConfig(SHARED, token_size=8, width=16, stages=1, region_points=8))
+    save_network(shared, tmp_path / "mixed" / SHARED)
+    save_network(model["table"], tmp_path / "mixed" / "table")
+    mixed = load_model(tmp_path / "mixed")
+    items = list(shapes())
+    chosen = [items[0], ("lamp-1", "lamp", "source", items[1][3]), items[2]]
+    report = build_database(tmp_path / "a.kpred", chosen, mixed)
+    assert (report.added, report.failed) == (3, [])
+    with Database.open(tmp_path / "a.kpred") as database:
+        assert database.categories() == ("chair", "lamp", "table")
+        made_by = {name: one["fingerprint"] for name, one in database.info()["categories"].items()}
+        assert made_by["chair"] == made_by["lamp"] == shared.fingerprint() != made_by["table"]
+        database.check_model(mixed)
+        with pytest.raises(DatabaseError, match="chair tokens"):
+            database.check_model(model)
+        assert shared_categories(mixed, database, None) == ["table"], "the ones that the recognizer may know"
+        assert shared_categories(mixed, database, "lamp") == ["lamp"]
+        alone = load_model(tmp_path / "mixed" / SHARED)
+        with pytest.raises(DatabaseError, match="table tokens"):
+            shared_categories(alone, database, "lamp")

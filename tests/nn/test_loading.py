@@ -10,8 +10,9 @@ from safetensors.torch import save_file
 
 from kpred.errors import ModelError, OutputError
 from kpred.nn import KPRed, Model, load_model, load_network, save_network
-from kpred.nn.config import preset
+from kpred.nn.config import SHARED, preset
 from kpred.nn.loading import BUNDLED
+from kpred.nn.model import network_of
 from kpred.nn.weights import CONFIG_FILE, WEIGHTS_FILE
 
 
@@ -66,6 +67,19 @@ def test_one_folder_or_one_a_category(saved, small, tmp_path: Path) -> None:
     assert both["table"].fingerprint() == network.fingerprint() != both["chair"].fingerprint()
     with pytest.raises(ModelError, match="no category 'sofa'; it knows chair, table"):
         both["sofa"]
+
+
+def test_a_shared_network_serves_the_categories_without_one(saved, small, tmp_path: Path) -> None:
+    network, folder = saved
+    shared = small(category=SHARED, seed=1)
+    save_network(shared, tmp_path / "all" / SHARED)
+    save_network(network, tmp_path / "all" / "table")
+    model = load_model(tmp_path / "all")
+    assert model.categories == ("table",) and list(model) == [SHARED, "table"]
+    assert "sofa" in model and model["sofa"].fingerprint() == shared.fingerprint()
+    assert model["table"].fingerprint() == network.fingerprint()
+    assert network_of(load_model(folder).networks, "sofa") is None
+    assert load_model(tmp_path / "all" / SHARED)["lamp"].fingerprint() == shared.fingerprint()
 
 
 def _break(folder: Path, how: str, small) -> None:

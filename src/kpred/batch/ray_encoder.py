@@ -15,6 +15,7 @@ from kpred.database.encoders import Batch
 from kpred.database.entry import Entry
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+from kpred.nn.model import network_of
 
 ATTEMPTS = 3
 """How often a batch is tried whose worker dies; then its models are tried one by one."""
@@ -107,7 +108,9 @@ class _Encoder:
         if not self._networks:  # the first batch, also of a worker that was started again
             # A copy: what lies in the cluster's memory cannot be written.
             self._networks = {k: copy.deepcopy(v).to(self._device) for k, v in ray.get(networks[0]).items()}
-        return encode_prepared([item for item, _ in batch], self._networks[category], [meta for _, meta in batch])
+        network = network_of(self._networks, category)
+        assert network is not None  # the build leaves other shapes out
+        return encode_prepared([item for item, _ in batch], network, [meta for _, meta in batch], category)
 
     def pid(self) -> int:
         import os

@@ -15,7 +15,9 @@ from kpred.cli.output import Output
 
 @dataclass(frozen=True, kw_only=True)
 class GetCommand(EncodingCommand):
-    """Make a database of human-made furniture: chairs, tables and cabinets of Sweet Home 3D.
+    """Make a database of human-made furniture and fixtures of Sweet Home 3D, in over 30 categories.
+
+    Chairs, tables and cabinets are found in it as they are; other categories are searched by `kpred fit --category`.
 
     The models come from Debian's package sweethome3d-furniture: the installed one, the file that --source names, or
     what apt downloads. They are under CC0 and CC BY 3.0; authors and licences are kept with each model, and stand in
@@ -34,18 +36,21 @@ class GetCommand(EncodingCommand):
     source: Annotated[Path | None, arg(metavar="PATH")] = None
     """Package (.deb), library (.sh3f) or folder of libraries"""
     catalogue: Annotated[Path | None, arg(metavar="FOLDER")] = None
-    """Keep the meshes, materials and manifest in this folder, of all categories of the package"""
+    """Keep the meshes, materials and manifest in this folder"""
 
     def run(self, output: Output) -> None:
         """Unpack, write the catalogue, and build."""
         from kpred.datasets.sweethome3d.catalogue import make_catalogue
-        from kpred.datasets.sweethome3d.categories import OURS
+        from kpred.datasets.sweethome3d.categories import FURNITURE
         from kpred.datasets.sweethome3d.package import find_libraries
+        from kpred.nn import load_model
+
+        model = load_model(self.model)
 
         with TemporaryDirectory(prefix="kpred-") as scratch:
             folder = Path(scratch, "catalogue") if self.catalogue is None else self.catalogue
             libraries = find_libraries(self.source, Path(scratch, "package"))
-            report = make_catalogue(libraries, folder, OURS if self.catalogue is None else None)
+            report = make_catalogue(libraries, folder, [name for name in FURNITURE if name in model])
             for one in report.left_out:
                 output.note(f"left out: {one.key}: {one.reason}")
             licences = ", ".join(f"{count} {name}" for name, count in report.licences.items())

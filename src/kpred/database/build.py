@@ -19,6 +19,7 @@ from kpred.database.entry import APPEARANCE, Entry
 from kpred.errors import DatabaseError, MeshError
 from kpred.locks import exclusive
 from kpred.nn import KPRed
+from kpred.nn.model import network_of
 from kpred.shapes.mesh import Mesh, clean_mesh_rows, mesh_hash
 from kpred.shapes.source import Shape
 
@@ -193,7 +194,7 @@ class _Build:
     ) -> None:
         database.check_model(model)
         self.database = database
-        self.categories = frozenset(model)
+        self.model = model
         self.encoder = encoder
         self.started: deque[tuple[list[str], Callable[[], list[Entry]]]] = deque()
         self.model_name = str(getattr(model, "name", ""))
@@ -231,7 +232,7 @@ class _Build:
             return
         self.seen.add(model_id)
         self.done.add(model_id)
-        if shape.category not in self.categories:
+        if network_of(self.model, shape.category) is None:
             self.report.failed.append((model_id, f"the model knows no category {shape.category!r}"))
             return
         try:

@@ -107,9 +107,12 @@ def encode_models(
 
 @torch.no_grad()
 def encode_prepared(
-    prepared: Sequence[PreparedMesh], network: KPRed, metadata: Sequence[dict[str, str]] | None = None
+    prepared: Sequence[PreparedMesh],
+    network: KPRed,
+    metadata: Sequence[dict[str, str]] | None = None,
+    category: str | None = None,
 ) -> list[Entry]:
-    """Encode prepared meshes as `encode_models`."""
+    """Encode prepared meshes as `encode_models`; `category`: theirs, where it is not the network's."""
     if not prepared:
         return []
     device = next(network.parameters()).device
@@ -126,7 +129,7 @@ def encode_prepared(
         )
         entry = Entry(
             model_id=item.model_id,
-            category=network.config.category,
+            category=network.config.category if category is None else category,
             mesh=item.mesh,
             frame=item.frame,
             metadata=dict(metadata[row]) if metadata is not None else {},

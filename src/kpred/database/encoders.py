@@ -16,6 +16,7 @@ from kpred.database.encode import PreparedMesh, encode_prepared
 from kpred.database.entry import Entry
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+from kpred.nn.model import network_of
 from kpred.parent import end_with_parent
 
 Batch = list[tuple[PreparedMesh, dict[str, str]]]
@@ -50,7 +51,7 @@ class SerialEncoder:
 
     def start(self, category: str, batch: Batch) -> Callable[[], list[Entry]]:
         """See `Encoder`."""
-        return lambda: _encode(self._networks[category], batch)
+        return lambda: _encode(self._networks, category, batch)
 
     def close(self) -> None:
         """See `Encoder`."""
@@ -111,8 +112,10 @@ def _init_worker(parent: int, networks: dict[str, KPRed]) -> None:
 
 
 def _encode_in_worker(category: str, batch: Batch) -> list[Entry]:
-    return _encode(_networks[category], batch)
+    return _encode(_networks, category, batch)
 
 
-def _encode(network: KPRed, batch: Batch) -> list[Entry]:
-    return encode_prepared([item for item, _ in batch], network, [meta for _, meta in batch])
+def _encode(networks: Mapping[str, KPRed], category: str, batch: Batch) -> list[Entry]:
+    network = network_of(networks, category)
+    assert network is not None  # the build leaves other shapes out
+    return encode_prepared([item for item, _ in batch], network, [meta for _, meta in batch], category)

@@ -7,6 +7,7 @@ from typing import Any
 
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed
+from kpred.nn.model import network_of
 
 
 def check_weights(rows: Sequence[Any], model: Mapping[str, KPRed] | KPRed, where: str) -> None:
@@ -14,16 +15,18 @@ def check_weights(rows: Sequence[Any], model: Mapping[str, KPRed] | KPRed, where
 
     Categories that only one of the two has are no error, as long as there is one that both have.
     """
-    networks = {model.config.category: model} if isinstance(model, KPRed) else dict(model)
+    networks = {model.config.category: model} if isinstance(model, KPRed) else model
+    used = {row.name: network_of(networks, row.name) for row in rows}
     for row in rows:
-        loaded = networks[row.name].fingerprint() if row.name in networks else row.fingerprint
+        network = used[row.name]
+        loaded = row.fingerprint if network is None else network.fingerprint()
         if loaded != row.fingerprint:
             raise DatabaseError(
                 f"Database {where} was made by other weights: its {row.name} tokens by {row.fingerprint} "
                 f"({row.model_name or 'unnamed'}), the model loaded is {loaded}; load that model, or build the "
                 "database again with this one."
             )
-    if rows and not any(row.name in networks for row in rows):
+    if rows and all(network is None for network in used.values()):
         raise DatabaseError(
             f"Database {where} holds {', '.join(row.name for row in rows)}, the model knows "
             f"{', '.join(networks) or 'nothing'}; load another model or another database."

@@ -37,7 +37,7 @@ def assess(deformed: Deformed, placed: Placed, tried: Tried, scan: CleanScan, co
         torch.from_numpy(explanation.points),
         torch.from_numpy(explanation.placement(points)).float(),
         tried.every,
-        context.model.recognizer is not None,
+        context.recognizer is not None,
     )
     parted = joint_gap(explanation)
     sure = confidence(evidence, context.model.calibration) * joint_factor(parted)

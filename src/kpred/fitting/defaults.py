@@ -78,6 +78,9 @@ def resolve_database(database: Database | str | os.PathLike[str] | None) -> Data
 def shared_categories(model: Model, database: Database, category: str | None) -> list[str]:
     """Return the categories of both model and database, or only the given one.
 
+    Where some have networks of their own, those are returned alone: the recognizer tells them apart. Others are
+    searched when they are named, or in a database that holds no others.
+
     Raises:
         DatabaseError: if the database was made by other weights, or is empty.
         ModelError: if the model does not know the category.
@@ -87,7 +90,7 @@ def shared_categories(model: Model, database: Database, category: str | None) ->
         model[category]
         return [category]
     stored = database.categories()
-    shared = [name for name in model.categories if name in stored]
+    shared = [name for name in model.categories if name in stored] or [name for name in stored if name in model]
     if not shared:
         raise DatabaseError(f"Database {database.path} holds no models; add some with 'kpred database add'.")
     return shared

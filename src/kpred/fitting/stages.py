@@ -18,7 +18,7 @@ from kpred.fitting.hypotheses import Hypothesis, Search, hypotheses, initial_fra
 from kpred.fitting.options import FitOptions
 from kpred.fitting.raw_scan import RawScan, without_strays
 from kpred.fitting.visibility import Visibility, all_seen, fills_unit_box, lacks_parts, predicted
-from kpred.nn import Model
+from kpred.nn import Model, Recognizer
 from kpred.ops.rotations import yaw_rotation
 from kpred.pose.proposals import check_known_frame, generate_poses, score_poses, up_axis
 from kpred.pose.recognition import PoseHypothesis
@@ -47,6 +47,12 @@ class Context:
     model: Model
     database: Database
     categories: tuple[str, ...]
+
+    @property
+    def recognizer(self) -> Recognizer | None:
+        """The model's recognizer, where it knows all of the categories."""
+        found = self.model.recognizer
+        return found if found is not None and found.knows(self.categories) else None
 
     @classmethod
     def load(
@@ -110,7 +116,7 @@ def find_up(scan: RawScan, context: Context, options: FitOptions) -> str:
     config, points = options.clean_config, scan.points
     if options.up == "auto" and config is not None and config.outliers:
         points = without_strays(points, config.outlier_ratio)
-    return up_axis(points, options.up, context.model.recognizer)
+    return up_axis(points, options.up, context.recognizer)
 
 
 def clean(scan: RawScan, up: str, options: FitOptions) -> CleanScan:
@@ -134,7 +140,7 @@ def propose_poses(scan: CleanScan, context: Context, options: FitOptions) -> lis
     Raises:
         ConfigError: the frame is said to be known, and the scan reaches far beyond it.
     """
-    recognizer, categories = context.model.recognizer, context.categories
+    recognizer, categories = context.recognizer, context.categories
     if options.known:
         check_known_frame(scan.points)
         found = score_poses(scan.points, [np.eye(3)], recognizer, categories)

@@ -13,9 +13,9 @@ import torch
 
 from kpred.errors import ModelError
 from kpred.nn.calibration import Calibration, load_calibration
-from kpred.nn.config import ModelConfig
+from kpred.nn.config import SHARED, ModelConfig
 from kpred.nn.hub import fetch_from_hub, is_hub_address
-from kpred.nn.model import KPRed
+from kpred.nn.model import KPRed, network_of
 from kpred.nn.recognizer import Recognizer, RecognizerConfig
 from kpred.nn.visibility import VisibilityConfig, VisibilityNetwork
 from kpred.nn.weights import CONFIG_FILE, WEIGHTS_FILE, load_weights, save_weights
@@ -34,6 +34,7 @@ VISIBILITY = "visibility"
 class Model(Mapping[str, KPRed]):
     """Networks of one or several categories under one name; a mapping from category to `KPRed`.
 
+    Networks of the category `SHARED` serve every category that has none of its own.
     `recognizer` predicts category and yaw of a scan, where the model has one; without it both are found by fitting.
     `visibility` predicts where a scanner would have seen surface, where the model has such a network.
     `calibration` turns evidence into confidence; None takes the built-in one.
@@ -51,13 +52,14 @@ class Model(Mapping[str, KPRed]):
         Raises:
             ModelError: if the model was not trained for it.
         """
-        if category not in self.networks:
+        found = network_of(self.networks, category)
+        if found is None:
             known = ", ".join(self.networks)
             raise ModelError(f"The model {self.name} knows no category '{category}'; it knows {known}.")
-        return self.networks[category]
+        return found
 
     def __contains__(self, category: object) -> bool:
-        return category in self.networks
+        return category in self.networks or SHARED in self.networks
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.networks)
@@ -71,8 +73,8 @@ class Model(Mapping[str, KPRed]):
 
     @property
     def categories(self) -> tuple[str, ...]:
-        """Names of the categories."""
-        return tuple(self.networks)
+        """Names of the categories with networks of their own."""
+        return tuple(name for name in self.networks if name != SHARED)
 
     def to(self, device: torch.device | str) -> Model:
         """Move the networks to `device` in place, and return this model."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 
 from torch import Tensor, nn
 
 from kpred.nn.box import BoxPredictor
-from kpred.nn.config import ModelConfig
+from kpred.nn.config import SHARED, ModelConfig
 from kpred.nn.influence import InfluencePredictor
 from kpred.nn.keypoints import KeypointPredictor
 from kpred.nn.retrieval import RegionDecoder, RetrievalEncoder
@@ -24,7 +25,7 @@ STAGES = {
 
 
 class KPRed(nn.Module):
-    """The networks of one category; every method takes and gives unit-box coordinates."""
+    """The networks of one category, or of all (`SHARED`); every method takes and gives unit-box coordinates."""
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
@@ -101,3 +102,8 @@ class KPRed(nn.Module):
                 digest.update(key.encode())
                 digest.update(value.detach().cpu().half().numpy().tobytes())
         return digest.hexdigest()[:16]
+
+
+def network_of(networks: Mapping[str, KPRed], category: str) -> KPRed | None:
+    """Return a category's own networks, else the shared ones; None where there are neither."""
+    return next((networks[name] for name in (category, SHARED) if name in networks), None)

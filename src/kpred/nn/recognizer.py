@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,6 +65,10 @@ class Recognizer(nn.Module):
         self.shape = nn.ModuleList([nn.Linear(4 * width, 2 * width), nn.Linear(2 * width, width)])
         self.output = nn.Linear(width, len(config.categories) + 2)
         self.second: Recognizer | None = None
+
+    def knows(self, categories: Iterable[str]) -> bool:
+        """Check whether it was trained on all of the categories."""
+        return set(categories) <= set(self.config.categories)
 
     def forward(
         self, points: Float[Tensor, "batch points 3"]

@@ -111,7 +111,7 @@ def generate_poses(
     Raises:
         ConfigError: if `up` is no axis name, or there is no such estimator.
     """
-    usable = recognizer if recognizer is not None and set(categories) <= set(recognizer.config.categories) else None
+    usable = recognizer if recognizer is not None and recognizer.knows(categories) else None
     if pose is None and usable is not None:
         return recognize_poses(points, upright_rotation(up), usable, categories)
     if pose is not None:
@@ -128,7 +128,7 @@ def score_poses(
     points: np.ndarray, rotations: Sequence[np.ndarray], recognizer: Recognizer | None, categories: Sequence[str]
 ) -> list[PoseHypothesis]:
     """Combine given rotations with every category, with log-odds by the recognizer if there is one."""
-    if recognizer is not None and set(categories) <= set(recognizer.config.categories):
+    if recognizer is not None and recognizer.knows(categories):
         columns = [recognizer.config.categories.index(name) for name in categories]
         return make_hypotheses(
             rotations, predict_logits(points[:COARSE_POINTS], rotations, recognizer)[0][:, columns], categories

@@ -55,6 +55,8 @@ _WORDS = {
     **{"dresser": "cabinet", "cupboard": "cabinet", "nightstand": "cabinet", "night_stand": "cabinet"},
     **{"file_cabinet": "cabinet", "storage": "cabinet", "trash_can": "trash_bin", "trashcan": "trash_bin"},
     **{"trashbin": "trash_bin", "recycling_bin": "trash_bin", "bin": "trash_bin"},
+    **{"refrigerator": "fridge", "stove": "oven", "cooker": "oven", "washbasin": "sink"},
+    **{"plant_pot": "plant", "potted_plant": "plant", "ottoman": "stool", "pouf": "stool"},
 }
 
 _NYU40_OF = {

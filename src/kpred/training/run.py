@@ -107,8 +107,8 @@ def _take_over(network: KPRed, name: str | os.PathLike[str]) -> None:
         ConfigError: if keypoints, influence or tokens are of another architecture.
     """
     model = load_model(name)
-    only = len(model.categories) == 1 and network.config.category not in model
-    found = model[model.categories[0] if only else network.config.category].state_dict()
+    only = len(model) == 1
+    found = model[next(iter(model)) if only else network.config.category].state_dict()
     for part, module in network.named_children():
         weights = {key.removeprefix(f"{part}."): value for key, value in found.items() if key.startswith(f"{part}.")}
         own = module.state_dict()

@@ -29,7 +29,7 @@ _BY_TITLE = (
     ("wheelchair", r"wheelchair"),
     ("lounger", r"lounge\b|hammock"),
     ("game_table", r"pool table|football table|table tennis$|flipper"),
-    ("miscellaneous", r"tennis bat"),
+    ("miscellaneous", r"tennis bat|remote control|tablet$"),
     ("changing_table", r"changing table"),
     ("dressing_table", r"dressing table"),
     ("workbench", r"workbench"),
@@ -39,7 +39,7 @@ _BY_TITLE = (
     ("fan", r"\bfan$"),
     ("bed", r"\bbed\b|crib|futon$|mattress"),
     ("sofa", r"sofa|couch"),
-    ("pouf", r"\bpuff\b"),
+    ("stool", r"\bpuff\b"),
     (
         "cabinet",
         r"bedside table|nightstand|bookcase|shelves|shelving|cabinet|cupboard|wardrobe|dresser|locker$|tv stand",
@@ -55,12 +55,12 @@ _BY_TITLE = (
     ("bathtub", r"\bbath(tub)?$|jacuzzi"),
     ("shower", r"\bshower\b"),
     ("fridge", r"fridge|refrigerator|freezer"),
-    ("oven", r"oven$|stove|cooktop|cooker|microwave"),
+    ("microwave", r"microwave"),
+    ("oven", r"oven$|stove|cooktop|cooker"),
     ("washing_machine", r"washing machine|dryer machine"),
     ("radiator", r"radiator|heater|furnace|chimney|fireplace"),
-    ("tv", r"\btv\b"),
-    ("computer", r"imac|ibook|laptop|tablet$"),
-    ("bin", r"trash ?can|dustbin|recycling bin"),
+    ("display", r"\btv\b|imac|ibook|laptop"),
+    ("trash_bin", r"trash ?can|dustbin|recycling bin"),
     ("box", r"\bbox\b|crate|trun(c)?k|barrel|\bsafe\b|chest$"),
     ("piano", r"piano$"),
     ("plant", r"plant|tree|bamboo|palm|cactus|orchid|lily|tulip|ficus|yucca|flowers|hedge|bush|pine|maple|acacia"),
@@ -69,7 +69,16 @@ _BY_TITLE = (
 )
 
 OURS = ("chair", "table", "cabinet")
-"""Categories that the bundled networks know."""
+"""Categories with bundled networks of their own."""
+
+FURNITURE = (
+    *OURS,
+    *("sofa", "bed", "bench", "stool", "lounger", "wall_unit", "kitchen_island", "workbench", "game_table"),
+    *("changing_table", "dressing_table", "drafting_table", "lamp", "plant", "vase", "box", "trash_bin", "piano"),
+    *("door", "window", "curtain", "staircase", "radiator", "toilet", "bathtub", "shower", "sink"),
+    *("fridge", "oven", "microwave", "washing_machine", "display", "fan"),
+)
+"""Furniture and fixtures of rooms: what is scanned as an object and stays where it is."""
 
 
 def category_of_model(model: LibraryModel) -> str:
