@@ -11,7 +11,9 @@ import pytest
 import torch
 
 from kpred.errors import CheckpointError, ConfigError, PackError
-from kpred.nn import load_network
+from kpred.nn import load_model, load_network, save_network
+from kpred.nn.config import SHARED
+from kpred.synthetic.generator import generate
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.run import new_network, train
@@ -137,3 +139,25 @@ def test_new_networks_leave_the_global_random_state_alone(model_config) -> None:
     a, b, c = (new_network(model_config, seed) for seed in (0, 0, 1))
     assert torch.equal(torch.rand(3), expected)
     assert a.fingerprint() == b.fingerprint() != c.fingerprint()
+
+
+def test_a_shared_network_goes_on_from_that_of_one_category(
+    tmp_path: Path, pack, model_config, train_config, change
+) -> None:
+    table = new_network(model_config, 3)
+    save_network(table, tmp_path / "table", half=False)
+    packs = [pack, generate("vase", 2, seed=0, splits=False)]
+    stage = StageConfig(steps=1, batch=2, learning_rate=1e-9)
+    train(
+        packs,
+        change(model_config, category=SHARED),
+        change(train_config, deformation=stage),
+        tmp_path / "run",
+        stages=("deformation",),
+        start_from=tmp_path / "table",
+    )
+    found = load_model(tmp_path / "run" / "model")["sofa"]
+    for before, after in zip(table.parameters(), found.parameters(), strict=True):
+        torch.testing.assert_close(before, after, rtol=1e-3, atol=1e-3)  # stored in half precision
+    record = json.loads((tmp_path / "run" / "model" / "training.json").read_text())
+    assert record["shapes"]["categories"] == ["table", "vase"]

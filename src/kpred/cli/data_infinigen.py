@@ -6,7 +6,7 @@ import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
@@ -23,11 +23,12 @@ class InfinigenCommand(Command):
 
     examples:
       kpred data infinigen chair -n 100 -o chair.npz --python infinigen/bin/python
+      kpred data infinigen toilet -n 60 --max-faces 1500 -o toilet.npz --python infinigen/bin/python
       kpred data infinigen cabinet -n 950 --workers 2 -o cabinet.npz --python infinigen/bin/python
     """
 
-    category: Annotated[Positional[Literal["chair", "table", "cabinet"]], arg(metavar="CATEGORY")]
-    """chair, table or cabinet"""
+    category: Annotated[Positional[str], arg(metavar="CATEGORY")]
+    """chair, table, cabinet, sofa, bed, lamp, toilet, ... (a wrong one lists all)"""
     output: Annotated[Path, arg(aliases=["-o"], metavar="FILE")]
     """The pack to write (.npz)"""
     count: Annotated[int, arg(aliases=["-n"], metavar="N")] = 100

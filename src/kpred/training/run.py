@@ -86,6 +86,8 @@ def train(
             if stage in stages:
                 train_stage(network, data, config, stage, folder, report=report, resume=resume, world=world)
         shapes = {"packs": [len(pack) for pack in packs], "sources": len(data.sources), "targets": len(data.targets)}
+        if data.categories is not None:
+            shapes["categories"] = sorted({pack.category for pack in packs})
         if world.is_first:
             _record(folder, model_config, config, wanted, start_from, shapes, world.size)
     return network

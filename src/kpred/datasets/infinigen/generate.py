@@ -19,29 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from kpred.datasets.check import Issue
+from kpred.datasets.infinigen.factories import FACTORIES
 from kpred.datasets.infinigen.worker import MISSING
 from kpred.errors import ConfigError, MeshError, OutputError
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.pack import MeshPack
-
-FACTORIES: dict[str, dict[str, int]] = {
-    "chair": {"ChairFactory": 500, "OfficeChairFactory": 150, "BarChairFactory": 150},
-    "table": {
-        "TableDiningFactory": 400,
-        "CoffeeTableFactory": 200,
-        "SimpleDeskFactory": 150,
-        "SideTableFactory": 100,
-        "TableCocktailFactory": 100,
-    },
-    "cabinet": {
-        "SingleCabinetFactory": 300,
-        "LargeShelfFactory": 200,
-        "CellShelfFactory": 200,
-        "SimpleBookcaseFactory": 150,
-        "KitchenCabinetFactory": 100,
-    },
-}
-"""Factories of each category, and how often each is drawn."""
 
 FRACTIONS = {"source": 0.15, "train": 0.70, "val": 0.15}
 

@@ -15,13 +15,31 @@ import sys
 import traceback
 
 MODULES = (
-    *("seating", "tables", "shelves", "appliances", "bathroom", "lamp", "elements", "elements.doors", "windows"),
+    *(
+        "seating",
+        "seating.bedframe",
+        "tables",
+        "shelves",
+        "appliances",
+        "appliances.toaster",
+        "bathroom",
+        "lamp",
+        "elements",
+        "elements.doors",
+        "windows",
+    ),
     *("elements.staircases", "table_decorations", "wall_decorations", "decor", "tableware"),
 )
 """Modules of `infinigen.assets.objects` that hold the factories."""
 
 LONG = ("TableDiningFactory", "CoffeeTableFactory")
 """Made with their long side along the front's direction; here the long side is the front."""
+
+SIMPLE = 60
+"""Pieces of no more triangles than this keep them all."""
+
+SPECK = 0.05
+"""Smaller pieces, as a fraction of the longest side, are left out of shapes with too many triangles."""
 
 MISSING = 3
 """Exit code where infinigen or bpy cannot be imported."""
@@ -78,28 +96,85 @@ def _triangles(item):  # type: ignore[no-untyped-def]
 
 
 def _decimated(vertices, faces, max_faces):  # type: ignore[no-untyped-def]
-    """Return dissolve flat neighbours, then collapse edges down to `max_faces` triangles."""
-    import bpy  # type: ignore[import-not-found, unused-ignore]
+    """Dissolve flat neighbours, then collapse edges of pieces with many triangles, down to about `max_faces` in all."""
+    import numpy as np
 
     if len(faces) <= max_faces:
         return vertices, faces
+    item = _object(vertices, faces)
+    item.modifiers.new("weld", "WELD").merge_threshold = 1e-5
+    flat = item.modifiers.new("flat", "DECIMATE")
+    flat.decimate_type, flat.angle_limit = "DISSOLVE", 0.03
+    fewer = _result(item)
+    if len(fewer[1]) > max_faces:
+        fewer = _without_specks(*fewer)
+    if len(fewer[1]) > max_faces:
+        item = _object(*fewer)
+        # A plain box beside fine grilles would be the first to lose its corners.
+        item.vertex_groups.new(name="fine").add(_fine(*fewer), 1.0, "REPLACE")
+        collapse = item.modifiers.new("fewer", "DECIMATE")
+        collapse.ratio, collapse.vertex_group = max_faces / len(fewer[1]), "fine"
+        collapsed = _result(item)
+        # Where fine grilles cannot be made coarser, all the rest would be: a shape with many triangles is better.
+        before, after = (np.ptp(one[0], axis=0) for one in (fewer, collapsed))
+        if np.abs(after - before).max() < SPECK * before.max():
+            return collapsed
+    return fewer
+
+
+def _object(vertices, faces):  # type: ignore[no-untyped-def]
+    import bpy  # type: ignore[import-not-found, unused-ignore]
+
     mesh = bpy.data.meshes.new("joined")
     mesh.from_pydata(vertices.tolist(), [], faces.tolist())
     item = bpy.data.objects.new("joined", mesh)
     bpy.context.scene.collection.objects.link(item)
-    weld = item.modifiers.new("weld", "WELD")
-    weld.merge_threshold = 1e-5
-    flat = item.modifiers.new("flat", "DECIMATE")
-    flat.decimate_type, flat.angle_limit = "DISSOLVE", 0.03
+    return item
+
+
+def _result(item):  # type: ignore[no-untyped-def]
+    """Triangulate an object after its modifiers, and remove it."""
+    import bpy  # type: ignore[import-not-found, unused-ignore]
+
     bpy.context.view_layer.update()
-    fewer = _triangles(item)
-    if len(fewer[1]) > max_faces:
-        item.modifiers.new("triangles", "TRIANGULATE")
-        item.modifiers.new("fewer", "DECIMATE").ratio = max_faces / len(fewer[1])
-        bpy.context.view_layer.update()
-        fewer = _triangles(item)
+    found = _triangles(item)
     bpy.data.objects.remove(item)
-    return fewer
+    return found
+
+
+def _pieces(vertices, faces):  # type: ignore[no-untyped-def]
+    """Return the number of the piece, connected by edges, of each vertex and of each face."""
+    import numpy as np
+    from scipy.sparse import coo_matrix  # type: ignore[import-untyped, unused-ignore]
+    from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped, unused-ignore]
+
+    start, end = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
+    edges = coo_matrix((np.ones(len(start)), (start, end)), shape=(len(vertices), len(vertices)))
+    _, piece = connected_components(edges, directed=False)
+    return piece, piece[faces[:, 0]]
+
+
+def _fine(vertices, faces):  # type: ignore[no-untyped-def]
+    """List the vertices of pieces with more than `SIMPLE` triangles."""
+    import numpy as np
+
+    piece, of_face = _pieces(vertices, faces)
+    size = np.bincount(of_face, minlength=piece.max() + 1)
+    return np.flatnonzero(size[piece] > SIMPLE).tolist()
+
+
+def _without_specks(vertices, faces):  # type: ignore[no-untyped-def]
+    """Leave out pieces smaller than `SPECK` of the longest side: letters, keys, screws."""
+    import numpy as np
+
+    piece, of_face = _pieces(vertices, faces)
+    low = np.full((piece.max() + 1, 3), np.inf)
+    high = -low
+    np.minimum.at(low, piece, vertices)
+    np.maximum.at(high, piece, vertices)
+    large = (high - low).max(1) >= SPECK * (vertices.max(0) - vertices.min(0)).max()
+    kept, faces = np.unique(faces[large[of_face]], return_inverse=True)
+    return vertices[kept], faces.reshape(-1, 3)
 
 
 def main(arguments: list[str]) -> int:
