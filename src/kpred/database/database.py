@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from threading import RLock
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, func, select
@@ -16,7 +14,7 @@ from sqlalchemy import Connection, func, select
 from kpred._version import __version__
 from kpred.database.address import is_address
 from kpred.database.backend import Backend, Progress, retry_on_disconnect
-from kpred.database.cache import BoundedCache, DatabaseCache
+from kpred.database.cached_reads import CachedReads
 from kpred.database.candidates import Candidates, stack_candidates
 from kpred.database.connection import create_file
 from kpred.database.entry import Entry
@@ -41,10 +39,6 @@ from kpred.errors import DatabaseError
 from kpred.nn import KPRed
 from kpred.shapes.appearance.appearance import Appearance
 
-Value = TypeVar("Value")
-Read = Callable[[Connection, Sequence[str]], dict[str, Value]]
-"""Reads the values of some keys in a transaction."""
-
 
 class Database:
     """CAD models with their keypoints, tokens and deformation bases, in one file or on a server of PostgreSQL.
@@ -59,9 +53,8 @@ class Database:
     def __init__(self, backend: Backend) -> None:
         """Use `open` or `create` instead."""
         self._backend = backend
-        self._open = True
-        self._lock = RLock()
-        self._cache = DatabaseCache()
+        self._reads = CachedReads(backend)
+        self._cache = self._reads.cache
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
@@ -108,10 +101,7 @@ class Database:
 
     def close(self) -> None:
         """Let go of the file and of the memory; closing twice does nothing."""
-        with self._lock:
-            self._open = False
-            self._cache.clear()
-            self._backend.close()
+        self._reads.close()
 
     def __enter__(self) -> Database:
         return self
@@ -138,7 +128,7 @@ class Database:
         return retry_on_disconnect(lambda is_retry: self._add(models, is_retry, replace))
 
     def _add(self, models: Sequence[ModelRecord], is_retry: bool, replace: bool) -> int:
-        with self._transaction(write=True, exclusive=replace) as connection:
+        with self._reads.transaction(write=True, exclusive=replace) as connection:
             present = find_rows(connection, [model.model_id for model in models]) if replace or is_retry else {}
             if replace:
                 delete_rows(connection, list(present.values()))
@@ -155,66 +145,67 @@ class Database:
         Raises DatabaseError, and then removes none of them: an id is not in the database.
         """
         wanted = list(dict.fromkeys(model_ids))
-        with self._transaction(write=True, exclusive=True) as connection:
+        with self._reads.transaction(write=True, exclusive=True) as connection:
             rows = find_rows(connection, wanted)
-            self._check_known(wanted, rows)
+            self._reads.check_known(wanted, rows)
             delete_rows(connection, list(rows.values()))
         return len(wanted)
 
     def __len__(self) -> int:
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             return int(connection.scalar(select(func.count()).select_from(ModelRow)) or 0)
 
     def __contains__(self, model_id: object) -> bool:
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             return connection.scalar(select(ModelRow.id).where(ModelRow.model_id == str(model_id))) is not None
 
     def categories(self) -> tuple[str, ...]:
         """Return the names of categories that have models, sorted."""
-        return self._cached(self._cache.categories, ("",), lambda connection, _: {"": read_category_names(connection)})[
-            ""
-        ]
+        found = self._reads.cached(self._cache.categories, ("",), lambda reader, _: {"": read_category_names(reader)})
+        return found[""]
 
     def fingerprint(self) -> str:
         """Hash the content, as 64 hexadecimal digits; equal for copies, other after every change of a model."""
-        found = self._cached(self._cache.fingerprint, ("",), lambda connection, _: {"": read_fingerprint(connection)})
+        found = self._reads.cached(self._cache.fingerprint, ("",), lambda reader, _: {"": read_fingerprint(reader)})
         return found[""]
 
     def model_ids(self, category: str | None = None) -> tuple[str, ...]:
         """Return the ids of all models, or of one category, sorted."""
         if category is not None:
             return self._index(category).model_ids
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             return tuple(connection.scalars(select(ModelRow.model_id).order_by(ModelRow.model_id)))
 
     def metadata(self, model_id: str) -> dict[str, str]:
         """Return the metadata of a model (its split, its source) without reading its arrays."""
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             meta = connection.scalar(select(ModelRow.meta).where(ModelRow.model_id == model_id))
-        self._check_known([model_id], () if meta is None else (model_id,))
+        self._reads.check_known([model_id], () if meta is None else (model_id,))
         return dict(meta or {})
 
     def all_metadata(self, category: str | None = None) -> dict[str, dict[str, Any]]:
         """Return the metadata of all models, or of one category, by id, with `category` and counts; sorted by id."""
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             return read_metadata(connection, category)
 
     def entry(self, model_id: str) -> Entry:
         """Return all of one model, mesh and vertex basis included."""
-        return retry_on_disconnect(lambda _: self._cached(self._cache.entries, (model_id,), read_entries))[model_id]
+        return retry_on_disconnect(
+            lambda _: self._reads.cached(self._cache.entries, (model_id,), read_entries)[model_id]
+        )
 
     def appearance(self, model_id: str) -> Appearance | None:
         """Return materials, textures, names and the like of a model's file; None where nothing was kept."""
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             return read_appearance(connection, model_id)
 
     def records(self, model_ids: Sequence[str]) -> list[ModelRecord]:
         """Return the stored rows of models, in the order of `model_ids`, for `add_records` of another database."""
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             found: dict[str, ModelRecord] = {}
             for chunk in chunks(model_ids):
                 found |= read_records(connection, chunk)
-        self._check_known(model_ids, found)
+        self._reads.check_known(model_ids, found)
         return [found[name] for name in model_ids]
 
     def candidates(self, category: str, model_ids: Sequence[str] | None = None) -> Candidates:
@@ -226,7 +217,7 @@ class Database:
         wanted = self._index(category).model_ids if model_ids is None else tuple(model_ids)
         if not wanted:
             raise DatabaseError(f"Database {self.path}: no candidates were named; name at least one model.")
-        found = self._cached(self._cache.arrays, wanted, read_fitting_arrays)
+        found = self._reads.cached(self._cache.arrays, wanted, read_fitting_arrays)
         return stack_candidates(category, wanted, found, str(self.path))
 
     def search(
@@ -249,7 +240,7 @@ class Database:
 
     def info(self) -> dict[str, Any]:
         """Return path, bytes, format, maker, and per category models, weights and sizes."""
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             size = self._backend.bytes(connection)
             return {"path": str(self.path), "bytes": size, **read_statistics(connection)}
 
@@ -258,49 +249,9 @@ class Database:
 
         Categories that only one of the two has are no error, as long as there is one that both have.
         """
-        with self._transaction() as connection:
+        with self._reads.transaction() as connection:
             rows = connection.execute(select(CategoryRow)).all()
         check_weights(rows, model, str(self.path))
-
-    @contextmanager
-    def _transaction(self, write: bool = False, exclusive: bool = False) -> Iterator[Connection]:
-        with self._lock if self._backend.one_at_a_time else nullcontext():
-            if not self._open:
-                raise DatabaseError(f"Database {self.path} is closed; open it again.")
-            with self._backend.transaction(write, exclusive) as connection:
-                version = self._backend.version(connection)
-                if version != self._cache.version:  # another process has written
-                    self._clear_cache()
-                    self._cache.version = version
-                try:
-                    yield connection
-                finally:
-                    if write:
-                        self._clear_cache()
-
-    def _clear_cache(self) -> None:
-        with self._lock:
-            self._cache.clear()
-
-    def _cached(self, cache: BoundedCache[Value], keys: Sequence[str], read: Read[Value]) -> dict[str, Value]:
-        """Return values by key: from the cache if it is current, else `read` in a transaction and cached."""
-        with self._lock:
-            version = self._cache.version
-            if self._open and version is not None and self._backend.peek_version() == version:
-                found = cache.get(keys)
-                if len(found) == len(set(keys)):
-                    return found
-        with self._transaction() as connection:  # clears an outdated cache
-            version = self._cache.version
-            found = cache.get(keys)
-            missing = [key for key in dict.fromkeys(keys) if key not in found]
-            if missing:
-                values = read(connection, missing)
-                self._check_known(missing, values)
-                if version == self._cache.version:  # else another thread has seen a newer version meanwhile
-                    cache.put(values)
-                found |= values
-            return found
 
     def _index(self, category: str, progress: Progress | None = None) -> Index:
         def read(connection: Connection, _: Sequence[str]) -> dict[str, Index]:
@@ -310,11 +261,4 @@ class Database:
                 raise DatabaseError(f"Database {self.path} has no models of category {category!r}; it has {names}.")
             return {category: index}
 
-        return self._cached(self._cache.indices, (category,), read)[category]
-
-    def _check_known(self, model_ids: Collection[str], found: Collection[str]) -> None:
-        unknown = sorted(set(model_ids).difference(found))
-        if unknown:
-            raise DatabaseError(
-                f"Database {self.path} has no model {unknown[0]!r}; 'kpred database info' lists its content."
-            )
+        return self._reads.cached(self._cache.indices, (category,), read)[category]
