@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from kpred.database import Database
 from kpred.database.search import reference_search
+from kpred.database.sqlite import SqliteBackend
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed, Model, ModelConfig
 
@@ -239,8 +240,9 @@ def test_read_only_files_are_read_and_not_written(filled, random_entry, tmp_path
 
 
 def test_a_full_disk_loses_nothing_committed(filled, random_entry, assert_same):
-    with Database.open(filled) as database:
-        with database._backend._engine.connect() as connection:
+    backend = SqliteBackend(filled, False, 5.0)
+    with Database(backend) as database:
+        with backend.transaction(write=False) as connection:
             pages = connection.exec_driver_sql("PRAGMA page_count").scalar_one()
             connection.exec_driver_sql(f"PRAGMA max_page_count = {pages + 20}")
         with pytest.raises(DatabaseError, match=r"models\.kpred: the disk is full"):

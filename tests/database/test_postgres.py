@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import threading
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,21 @@ import pytest
 from kpred.database import Database, update_database
 from kpred.database import postgres as postgres_backend
 from kpred.database.build import open_or_create
+from kpred.database.postgres import PostgresBackend
 from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
 
 ADDED = ("structure", "point_parts", "point_normals")
 """What format 3 added to an entry."""
+
+
+@contextmanager
+def own_transaction(address):
+    """A writing transaction of a connection beside the database's."""
+    backend = PostgresBackend(address, False, 5.0)
+    with backend.transaction(write=True) as connection:
+        yield connection
+    backend.close()
 
 
 def check_search(database, random_entry, names, **sizes):
@@ -78,7 +89,7 @@ def test_very_many_models_are_found_by_the_server_s_index(address, random_entry,
         for start in range(0, 300, 100):
             database.add([random_entry(name, **small) for name in names[start : start + 100]])
         database.prepare_search()
-        with database._transaction() as connection:
+        with own_transaction(address) as connection:
             indices = connection.exec_driver_sql("SELECT indexdef FROM pg_indexes WHERE schemaname = 'kpred'").scalars()
             assert any("hnsw" in line and "vector_l1_ops" in line for line in indices)
         check_search(database, random_entry, names, **small)
@@ -139,10 +150,11 @@ import os, sys
 sys.path.insert(0, sys.argv[2])
 from conftest import random_entry
 from kpred.database import Database
+from kpred.database.postgres import PostgresBackend
+from kpred.database.records import insert_records, make_record
 with Database.open(sys.argv[1]) as database:
     database.add([random_entry("kept")])
-    with database._transaction(write=True) as connection:
-        from kpred.database.records import insert_records, make_record
+    with PostgresBackend(sys.argv[1], False, 5.0).transaction(write=True) as connection:
         insert_records(connection, [make_record(random_entry("lost"), "")], "")
         os.kill(os.getpid(), 9)
 """
@@ -161,7 +173,7 @@ def test_older_tables_are_refused_and_updated_and_newer_ones_refused(address, ra
     names = ["a", "b", "c"]
     with Database.create(address) as database:
         database.add([random_entry(name) for name in names])
-        with database._transaction(write=True) as connection:
+        with own_transaction(address) as connection:
             connection.exec_driver_sql("DROP TABLE embedding")
             connection.exec_driver_sql(
                 "DELETE FROM \"array\" WHERE name LIKE 'structure.%%' OR name IN ('point_parts', 'point_normals')"
@@ -181,14 +193,14 @@ def test_older_tables_are_refused_and_updated_and_newer_ones_refused(address, ra
     with Database.open(address) as database:
         check_search(database, random_entry, names)
         database.add([random_entry("d")])
-        with database._transaction() as connection:
+        with own_transaction(address) as connection:
             assert connection.exec_driver_sql("SELECT count(*) FROM embedding").scalar_one() == 4
         assert database.info()["schema_version"] == 3
         for name in names:
             entry = database.entry(name)
             entry.check()
             assert_same(replace(random_entry(name), **{field: getattr(entry, field) for field in ADDED}), entry)
-        with database._transaction(write=True) as connection:
+        with own_transaction(address) as connection:
             connection.exec_driver_sql("UPDATE kpred_version SET version_num = '9999'")
     for use in (Database.open, update_database):
         with pytest.raises(DatabaseError, match="9999, newer.*upgrade"):
