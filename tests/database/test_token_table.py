@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kpred.database.codes import CodeLayout, Quantiser, bounds, bounds_reference
 from kpred.database.search import TokenIndex, reference_search
+from kpred.database.token_codes import CodeLayout, Quantiser, bounds, bounds_reference
 from kpred.database.token_file import make_table, open_table
 from kpred.database.token_table import GrowingIndex, TableKey
 from kpred.errors import DatabaseError, OutputError

@@ -8,7 +8,7 @@ import pytest
 from kpred.errors import ManifestError
 from kpred.shapes.manifest import read_manifest
 from kpred.shapes.source import open_shapes
-from kpred.shapes.stand import axis_rotation
+from kpred.shapes.upright_mesh import axis_rotation
 
 BOX = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 4\nf 1 2 3\nf 1 2 4\nf 1 3 4\n"
 

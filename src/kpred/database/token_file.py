@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpred.atomic import atomic_path
-from kpred.database.codes import CodeLayout, Quantiser
+from kpred.database.token_codes import CodeLayout, Quantiser
 from kpred.database.token_table import TableKey, TokenTable
 from kpred.errors import OutputError
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpred.database.codes import Quantiser, bounds
 from kpred.database.search import (
     Ranking,
     SearchResult,
@@ -23,6 +22,7 @@ from kpred.database.search import (
     exact_distances,
     nearest,
 )
+from kpred.database.token_codes import Quantiser, bounds
 from kpred.ops.typing import Float, UInt8
 
 _FIRST_ROWS = 64
@@ -50,7 +50,7 @@ class TokenTable:
 
     Attributes:
         key: see there.
-        half: (M, K, C) float16; codes: (G, M, P, S) and errors: (G, M, P) uint8 (`kpred.database.codes`).
+        half: (M, K, C) float16; codes: (G, M, P, S) and errors: (G, M, P) uint8 (`kpred.database.token_codes`).
         id_bytes: all ids in UTF-8, one after the other; id_ends: (M,) where each ends.
         release: lets go of the pages of `half` that a search has read, which would pile up from search to search.
     """

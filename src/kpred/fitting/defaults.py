@@ -78,7 +78,7 @@ def resolve_database(database: Database | str | os.PathLike[str] | None) -> Data
 def shared_categories(model: Model, database: Database, category: str | None) -> list[str]:
     """Return the categories of both model and database, or only the given one.
 
-    Where some have networks of their own, those are returned alone: the recognizer tells them apart. Others are
+    Where some have networks of their own, those are returned alone: the recognizer distinguishes them. Others are
     searched when they are named, or in a database that holds no others.
 
     Raises:

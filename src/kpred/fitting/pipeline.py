@@ -18,12 +18,12 @@ from kpred.fitting.deform import Deform
 from kpred.fitting.options import FitOptions, sensor_positions
 from kpred.fitting.placed import place
 from kpred.fitting.raw_scan import is_room, read_raw_scan
-from kpred.fitting.readings import deform_readings
 from kpred.fitting.result import Fit
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.source import FitSource
 from kpred.fitting.stages import Context, align, find_up, propose_poses, try_poses
 from kpred.fitting.stages import clean as clean_points
+from kpred.fitting.whole_or_partial import deform_readings
 from kpred.nn import Model
 from kpred.pose.estimators import PoseEstimator
 from kpred.preprocessing.config import CleanConfig

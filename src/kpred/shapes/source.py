@@ -16,7 +16,7 @@ from kpred.shapes.folder import FolderItem, read_folder
 from kpred.shapes.manifest import MANIFEST_EXTENSIONS, folder_manifest, read_manifest
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.pack import MeshPack
-from kpred.shapes.stand import stand_mesh
+from kpred.shapes.upright_mesh import stand_mesh
 
 if TYPE_CHECKING:
     from kpred.shapes.appearance.appearance import Appearance

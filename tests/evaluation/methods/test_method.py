@@ -13,9 +13,9 @@ from kpred.evaluation.methods.kp_red import KpRedMethod
 from kpred.evaluation.methods.method import Method, Prediction, Query, best_of_first
 from kpred.evaluation.methods.sources import Sources
 from kpred.evaluation.metrics.metric import CD, UCD, WHOLE, Metric
-from kpred.evaluation.tables.bench import PARTIAL, Condition
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import make_table
+from kpred.evaluation.tables.scorer import PARTIAL, Condition
 from kpred.nn import Model
 from kpred.shapes.pack import MeshPack
 

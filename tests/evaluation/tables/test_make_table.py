@@ -16,10 +16,10 @@ from kpred.evaluation.methods.sources import Sources
 from kpred.evaluation.methods.whole_fit import WholeFitMethod
 from kpred.evaluation.metrics.metric import CD
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.tables.bench import measure
 from kpred.evaluation.tables.compare import compare
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import make_table
+from kpred.evaluation.tables.scorer import measure
 from kpred.evaluation.tables.table import ALL, Series, Subject, Table, merged, read_table, write_table
 from kpred.evaluation.tables.target_lists import read_target_list
 from kpred.evaluation.tables.targets import read_targets

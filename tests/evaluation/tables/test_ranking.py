@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import spearmanr
 
 from kpred.evaluation.metrics.metric import CD, UCD, Metric
-from kpred.evaluation.tables.bench import PARTIAL, Condition
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import make_table
 from kpred.evaluation.tables.ranking import NEARLY_BEST, ORDERS, RANK, TRUE_BEST, Ranking, scores_of
+from kpred.evaluation.tables.scorer import PARTIAL, Condition
 from kpred.nn import Model
 
 

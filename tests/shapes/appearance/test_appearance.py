@@ -12,7 +12,7 @@ from kpred.shapes.appearance.write import appearance_files
 from kpred.shapes.credit import Credit
 from kpred.shapes.formats.gltf_accessor import read_accessor
 from kpred.shapes.formats.gltf_file import read_gltf_file
-from kpred.shapes.stand import stand_mesh
+from kpred.shapes.upright_mesh import stand_mesh
 
 CREDIT = Credit("chair/a", "chair", {"author": "Ann Lee", "licence": "CC0-1.0", "title": "Chair"}, "deformed")
 

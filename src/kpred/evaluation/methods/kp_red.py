@@ -27,10 +27,10 @@ from kpred.fitting.candidates import Candidates
 from kpred.fitting.deform import Deform
 from kpred.fitting.explanation import Deformation, ModelPoints
 from kpred.fitting.options import FitOptions
-from kpred.fitting.readings import deform_readings
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
 from kpred.fitting.visibility import Visibility
+from kpred.fitting.whole_or_partial import deform_readings
 from kpred.nn import Model
 from kpred.pose.recognition import PoseHypothesis
 from kpred.refinement.config import RefineConfig

@@ -17,10 +17,10 @@ from kpred.evaluation.database_source import Progress
 from kpred.evaluation.plots.figure import new_figure, show_pictures
 from kpred.evaluation.plots.views import blank, mesh_picture, with_points
 from kpred.evaluation.scans.outcome import FailedFit, FitSettings, try_fit
-from kpred.evaluation.tables.bench import check_names
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import loaded_models
 from kpred.evaluation.tables.packs import OpenPack, Store, checked_packs, open_pack, pack_files
+from kpred.evaluation.tables.scorer import check_names
 from kpred.evaluation.tables.targets import Target
 from kpred.fitting import Fit
 from kpred.nn import Model

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from kpred.errors import ConfigError
 from kpred.evaluation.metrics.metric import SEEN, WHOLE
 from kpred.evaluation.plots.figure import COLORS, new_figure
-from kpred.evaluation.tables.bench import PARTIAL
+from kpred.evaluation.tables.scorer import PARTIAL
 from kpred.evaluation.tables.table import Series, Table
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from kpred.evaluation.page import Page, with_interval
 from kpred.evaluation.tables.ablation_table import effects
-from kpred.evaluation.tables.bench import FULL, PARTIAL
 from kpred.evaluation.tables.cleanliness_pages import cleanliness_pages
 from kpred.evaluation.tables.page_parts import best_of, by_metric, errors_of, hidden, label, pivot, short, shown
+from kpred.evaluation.tables.scorer import FULL, PARTIAL
 from kpred.evaluation.tables.table import Series, Table
 from kpred.training.ablations import ROWS
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from kpred.evaluation.page import Page
-from kpred.evaluation.tables.bench import PARTIAL
 from kpred.evaluation.tables.page_parts import hidden, label
+from kpred.evaluation.tables.scorer import PARTIAL
 from kpred.evaluation.tables.table import Cell, Table
 
 COLUMNS = {

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from kpred.errors import ConfigError
-from kpred.evaluation.tables.bench import FULL, PARTIAL, Condition
+from kpred.evaluation.tables.scorer import FULL, PARTIAL, Condition
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 

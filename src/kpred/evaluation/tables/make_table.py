@@ -20,10 +20,10 @@ from kpred.evaluation.methods.sources import Sources
 from kpred.evaluation.methods.whole_fit import WholeFitMethod
 from kpred.evaluation.metrics.metric import FRAME, UNIT
 from kpred.evaluation.remarks import Remarks
-from kpred.evaluation.tables.bench import Bench, check_names, prepare
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.packs import OpenPack, SourcePack, Store, checked_packs, open_pack, pack_files
 from kpred.evaluation.tables.ranking import add_rankings
+from kpred.evaluation.tables.scorer import Scorer, check_names, prepare
 from kpred.evaluation.tables.table import Subject, Table
 from kpred.evaluation.tables.target_lists import listed
 from kpred.nn import Model, load_model
@@ -102,11 +102,11 @@ def add_scores(
     # Part-wise methods need meshes, which the sources of a database lack.
     own = pack.sources if pack.sources.meshes or not methods else _sources_of(source, config)
     searchers += prepare(list(methods), own)
-    bench = Bench(tuple(searchers), pack.sources if baselines else None, config.numbers, config.oracle)
+    scorer = Scorer(tuple(searchers), pack.sources if baselines else None, config.numbers, config.oracle)
     for done, target in enumerate(pack.targets, start=1):
         subject = Subject(source.dataset, pack.category, target.model_id)
         for condition in config.conditions:
-            for series, value in bench.score(target, condition, condition.cloud(target)):
+            for series, value in scorer.score(target, condition, condition.cloud(target)):
                 table.add(series, subject, value)
         if progress is not None:
             progress(f"{source.name}: {config.split}", done, len(pack.targets))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from kpred.evaluation.metrics.intervals import Interval
 from kpred.evaluation.metrics.metric import CD, FRACTION, NO_UNIT, UCD, WHOLE, Metric
 from kpred.evaluation.page import Page, with_interval
-from kpred.evaluation.tables.bench import PARTIAL
+from kpred.evaluation.tables.scorer import PARTIAL
 from kpred.evaluation.tables.table import Cell, Series, Table
 
 _SHORT = {CD: "CD", UCD: "UCD"}

@@ -9,7 +9,6 @@ from kpred.evaluation.methods.no_learning import NO_LEARNING
 from kpred.evaluation.metrics.metric import NO_UNIT
 from kpred.evaluation.page import Page, with_interval
 from kpred.evaluation.tables.ablation_pages import ablation_pages
-from kpred.evaluation.tables.bench import UNDEFORMED
 from kpred.evaluation.tables.cleanliness_pages import cleanliness_pages
 from kpred.evaluation.tables.compare import Comparison
 from kpred.evaluation.tables.page_parts import (
@@ -24,6 +23,7 @@ from kpred.evaluation.tables.page_parts import (
     shown,
 )
 from kpred.evaluation.tables.ranking import CORRELATION, NEARLY_BEST, RANK, TRUE_BEST
+from kpred.evaluation.tables.scorer import UNDEFORMED
 from kpred.evaluation.tables.table import ALL, Series, Table
 
 NOTE = "note: means over the targets and 95 % bootstrap intervals; the paper's numbers are most likely 10^2 times these"

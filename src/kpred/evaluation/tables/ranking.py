@@ -20,9 +20,9 @@ from kpred.evaluation.database_source import Progress
 from kpred.evaluation.methods.method import FEED_FORWARD, REFINED
 from kpred.evaluation.metrics.cloud_errors import CHUNK, cloud_errors
 from kpred.evaluation.metrics.metric import CD, FRACTION, NO_UNIT, SEEN, UCD, Metric
-from kpred.evaluation.tables.bench import Condition
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.packs import OpenPack
+from kpred.evaluation.tables.scorer import Condition
 from kpred.evaluation.tables.table import Series, Subject, Table
 from kpred.fitting import RefineConfig
 from kpred.fitting.candidates import Candidates, retrieve

@@ -31,10 +31,10 @@ from kpred.evaluation.metrics.metric import FRAME, UCD, UNIT, WHOLE, Metric
 from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.scans.outcome import moved
 from kpred.evaluation.scans.scenes import ANNOTATIONS, annotated_mesh, annotated_rotation, scan_of
-from kpred.evaluation.tables.bench import FLOOR, PARTIAL, Bench, Condition, check_names, prepare
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import NOTE, loaded_models, methods_of
 from kpred.evaluation.tables.packs import Store, check_same_shapes, pack_files
+from kpred.evaluation.tables.scorer import FLOOR, PARTIAL, Condition, Scorer, check_names, prepare
 from kpred.evaluation.tables.table import Subject, Table
 from kpred.evaluation.tables.targets import Target
 from kpred.fitting.defaults import resolve_database
@@ -90,10 +90,10 @@ def make_scan2cad_table(
             searching = database_source(files, model, given, config.seed, building, remarks, cache=cache)
             opened[name] = stack.enter_context(searching)
         table.header["databases"] = {name: str(store.path) for name, store in opened.items()}
-        benches = _Benches(loaded, opened, config, remarks)
+        scorers = _Scorers(loaded, opened, config, remarks)
         for root in roots:
             for annotation in _annotations(root, remarks):
-                _add_scene(table, root, annotation, benches, progress, remarks)
+                _add_scene(table, root, annotation, scorers, progress, remarks)
     if not table.values:
         raise ScanError(
             f"{roots[0]}: no annotated object of a known category could be measured; {' '.join(remarks.sentences)}"
@@ -129,8 +129,8 @@ class _Annotated:
         return Subject(root.resolve().name, str(self.item.category), self.target.model_id)
 
 
-class _Benches:
-    """The bench of each category, made at first use."""
+class _Scorers:
+    """The scorer of each category, made at first use."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class _Benches:
         report: Callable[[str], None],
     ) -> None:
         self.models, self.stores, self.config, self.report = models, stores, config, report
-        self._of: dict[str, Bench] = {}
+        self._of: dict[str, Scorer] = {}
 
     def knows(self, category: str | None) -> bool:
         """Decide whether all models and databases know a category."""
@@ -149,15 +149,15 @@ class _Benches:
             for name, model in self.models.items()
         )
 
-    def of(self, category: str) -> Bench:
-        """Return the bench of a category; raises ConfigError where the databases differ."""
+    def of(self, category: str) -> Scorer:
+        """Return the scorer of a category; raises ConfigError where the databases differ."""
         if category not in self._of:
             check_same_shapes(self.stores, category)
             sources = Sources.of_databases(category, self.models, self.stores)
             first: list[Method] = [NoLearningMethod(self.config.refinement)]
             methods = methods_of(self.models, replace(self.config, unknown_frame=False), self.report)
             searchers = prepare([*first, *methods], sources)
-            self._of[category] = Bench(tuple(searchers), sources, self.config.numbers)
+            self._of[category] = Scorer(tuple(searchers), sources, self.config.numbers)
         return self._of[category]
 
 
@@ -183,7 +183,7 @@ def _add_scene(
     table: Table,
     root: Path,
     annotation: SceneAnnotation,
-    benches: _Benches,
+    scorers: _Scorers,
     progress: Progress | None,
     report: Callable[[str], None],
 ) -> None:
@@ -191,7 +191,7 @@ def _add_scene(
     usable: list[_Annotated] = []
     for item in objects_of(scene, root / ANNOTATIONS):
         name = f"{annotation.id_scan} {item.name}"
-        if not benches.knows(item.category):
+        if not scorers.knows(item.category):
             report(f"left out: {name}: {item.category} is not among the categories of the models.")
         elif item.problem is not None:
             report(f"left out: {annotation.id_scan} {item.problem}")
@@ -199,19 +199,19 @@ def _add_scene(
             report(f"left out: {name}: it has only {len(item.points)} scan points.")
         else:
             try:
-                usable.append(_annotated(item, root, name, benches.config.seed))
+                usable.append(_annotated(item, root, name, scorers.config.seed))
             except (KpredError, ValueError) as error:
                 report(f"left out: {name}: {error}")
-    total = len(usable) * (1 + len(benches.models) * benches.config.unknown_frame)
+    total = len(usable) * (1 + len(scorers.models) * scorers.config.unknown_frame)
     for done, one in enumerate(usable, start=1):
-        for series, value in benches.of(str(one.item.category)).score(one.target, SEEN_SCAN, one.cloud):
+        for series, value in scorers.of(str(one.item.category)).score(one.target, SEEN_SCAN, one.cloud):
             # Distance of the scan to a sample of the annotated model.
             method = ANNOTATED if series.method == FLOOR else series.method
             table.add(replace(series, method=method), one.subject(root), value)
         if progress is not None:
             progress(f"{annotation.id_scan}: objects", done, total)
-    if benches.config.unknown_frame:
-        _add_unknown(table, root, scene, usable, benches, report)
+    if scorers.config.unknown_frame:
+        _add_unknown(table, root, scene, usable, scorers, report)
 
 
 def _add_unknown(
@@ -219,14 +219,14 @@ def _add_unknown(
     root: Path,
     scene: Scene,
     usable: Sequence[_Annotated],
-    benches: _Benches,
+    scorers: _Scorers,
     report: Callable[[str], None],
 ) -> None:
     """Fits of the whole scene, as `kpred scene` makes them."""
-    top_k, seed = max(benches.config.top_k), benches.config.seed
-    for name, model in benches.models.items():
+    top_k, seed = max(scorers.config.top_k), scorers.config.seed
+    for name, model in scorers.models.items():
         objects = [one.item for one in usable]
-        fitted = fit_scene(scene, objects, model, benches.stores[name], top_k=top_k, seed=seed)
+        fitted = fit_scene(scene, objects, model, scorers.stores[name], top_k=top_k, seed=seed)
         for one, found in zip(usable, fitted.fits, strict=True):
             if found.fit is None:
                 report(f"no result: {one.target.model_id}, {UNKNOWN_FRAME}: {found.error}")

@@ -43,7 +43,7 @@ class Series:
 
     Attributes:
         model: name of the model or method in this table; empty for what needs none.
-        method: what was done, as `refined`; see `kpred.evaluation.methods` and `kpred.evaluation.tables.bench`.
+        method: what was done, as `refined`; see `kpred.evaluation.methods` and `kpred.evaluation.tables.scorer`.
         protocol: `full` or `partial`; occlusion: fraction of the target's points that were hidden.
         metric: what was measured.
     """

@@ -1,4 +1,4 @@
-"""The bench: all methods predict for the same points of a target, and their results are scored alike.
+"""Scoring of methods: all predict for the same points of a target, and their results are scored alike.
 
 Protocols. `full`: the whole surface is seen, which methods know; Chamfer distance (CD). `partial`: a random plane
 hides a fraction of the points while the frame stays that of the whole shape; distance from the seen points to the
@@ -51,7 +51,7 @@ class Condition:
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class Scorer:
     """Methods that are ready to search the sources of one category.
 
     Attributes:

@@ -3,7 +3,8 @@
 Bounds take one pass, model by model. Codes lie in planes of a few keypoints each, model after model within a plane. Of
 a model that is already farther than the k-th best so far, the remaining planes are not read: the pass is bound by
 memory, and most models go early. Sums of absolute differences are written as vector operations that compilers know as
-one instruction (psadbw on x86). `kpred.database.codes.bounds_reference` is the plain version that a test holds it to.
+one instruction (psadbw on x86). `kpred.database.token_codes.bounds_reference` is the plain version that a test holds it
+to.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpred.database.codes_cpu import LANES, bounds_cpu, encode_cpu
+from kpred.database.token_codes_cpu import LANES, bounds_cpu, encode_cpu
 from kpred.ops.typing import Float, UInt8
 
 GROUP = 2

@@ -10,9 +10,9 @@ from kpred.database import Database
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.fitting.options import FitOptions
-from kpred.fitting.readings import deform_readings
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
 from kpred.fitting.visibility import Visibility, fills_unit_box, lacks_parts
+from kpred.fitting.whole_or_partial import deform_readings
 from kpred.pose.recognition import PoseHypothesis
 
 HALF_SEEN = Visibility(np.full((9, 9, 9), 0.6, np.float32))

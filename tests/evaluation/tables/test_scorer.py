@@ -12,10 +12,10 @@ from kpred.database import Database, build_database
 from kpred.errors import ConfigError, DatabaseError, KpredError, ModelError, PackError
 from kpred.evaluation.metrics.cleanliness_measures import MEASURES
 from kpred.evaluation.metrics.metric import CD, MESH, SEEN, UCD, WHOLE, Metric
-from kpred.evaluation.tables.bench import PARTIAL, Condition
 from kpred.evaluation.tables.config import TableConfig
 from kpred.evaluation.tables.make_table import make_table
 from kpred.evaluation.tables.packs import pack_files
+from kpred.evaluation.tables.scorer import PARTIAL, Condition
 from kpred.evaluation.tables.table import Cell, Table
 from kpred.evaluation.tables.targets import Target, read_targets
 from kpred.fitting import fit
