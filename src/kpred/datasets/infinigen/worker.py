@@ -34,7 +34,7 @@ MODULES = (
 
 LONG = (
     *("TableDiningFactory", "CoffeeTableFactory"),
-    *("PanelDoorFactory", "GlassPanelDoorFactory", "LiteDoorFactory", "LouverDoorFactory"),
+    *("PanelDoorFactory", "GlassPanelDoorFactory", "LiteDoorFactory", "LouverDoorFactory", "WindowFactory"),
 )
 """Made with their long side along the front's direction; here the long side is the front."""
 
