@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from kpred.fitting.readings import deform_readings
 from torch import Tensor
 
 from kpred.database import Database
 from kpred.evaluation.tables.targets import limited
 from kpred.fitting.candidates import Candidates
 from kpred.fitting.options import FitOptions
-from kpred.fitting.readings import deform_readings
 from kpred.fitting.selection import rank_candidates
 from kpred.fitting.stages import CleanScan, Context, Tried, try_poses
 from kpred.nn import load_model
