@@ -39,10 +39,11 @@ def test_no_command_prints_a_password(
         "SCAN": str(files / "scan.ply"),
     }
     more = ["--model", str(files / "model")] if words[0] in ("build", "search") else []
-    assert main(["database", *(names.get(word, word) for word in words), *more, "--json"]) == FAILED
-    printed = capsys.readouterr()
-    assert "hunter2" not in printed.out + printed.err
-    assert "postgresql" in printed.err
+    for last in ("--json", "--debug"):
+        assert main(["database", *(names.get(word, word) for word in words), *more, last]) == FAILED
+        printed = capsys.readouterr()
+        assert "hunter2" not in printed.out + printed.err
+        assert "postgresql" in printed.err
 
 
 def test_a_batch_stores_no_password_and_goes_on_with_another(tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.code if isinstance(error.code, int) else OK if error.code is None else FAILED
     except Exception as error:
         if debug:
-            traceback.print_exc()
+            print(_traceback(), file=sys.stderr, end="")
         else:
             print(f"kpred: {_sentence(error)}", file=sys.stderr)
         return USAGE if isinstance(error, UsageError) else FAILED
@@ -148,6 +148,13 @@ def _no_word(word: str) -> bool:
     return word.startswith("-") or "." in word or os.sep in word or os.path.exists(word)
 
 
+def _traceback() -> str:
+    """Format the error that is handled, without the passwords of addresses."""
+    from kpred.database.address import masked
+
+    return masked(traceback.format_exc())
+
+
 def _sentence(error: Exception) -> str:
     """Format an error and its mend on one line."""
     from kpred.cli.output import printable
@@ -176,8 +183,9 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     from kpred.cli.output import printable
+    from kpred.database.address import masked
 
-    print(f"kpred: warning: {printable(' '.join(str(message).split()))}", file=sys.stderr)
+    print(f"kpred: warning: {printable(masked(' '.join(str(message).split())))}", file=sys.stderr)
 
 
 def _help() -> str:

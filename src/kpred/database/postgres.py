@@ -87,7 +87,7 @@ class PostgresBackend:
             DatabaseError: the address is none, the server cannot be reached, or its tables cannot be used.
         """
         # A path in between has made one slash of two.
-        written = re.sub(r"^postgres(ql)?(\+\w+)?:/+", "postgresql+psycopg://", os.fspath(address))
+        written = re.sub(r"(?i)^postgres(ql)?(\+\w+)?:/+", "postgresql+psycopg://", os.fspath(address))
         try:
             url = make_url(written)
             self.path = masked(written).replace("+psycopg", "", 1)

@@ -198,7 +198,9 @@ def test_missing_materials_and_textures_do_not_cost_the_model(tmp_path, textured
 
 def test_files_outside_of_the_folder_are_not_read(tmp_path, textured_obj):
     (tmp_path / "secret.png").write_bytes(b"secret")
-    (textured_obj.parent / "chair.mtl").write_text("newmtl fabric\nmap_Kd ../secret.png\nmap_Ks /etc/hostname\n")
+    (textured_obj.parent / "linked.png").symlink_to(tmp_path / "secret.png")
+    materials = "newmtl fabric\nmap_Kd ../secret.png\nmap_Ks /etc/hostname\nmap_Ka linked.png\n"
+    (textured_obj.parent / "chair.mtl").write_text(materials)
     appearance = read_mesh_appearance(textured_obj)[1]
     assert set(appearance.files) == {"model.obj", "model.mtl"}
 
