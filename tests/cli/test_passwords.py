@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from kpred.cli.main import FAILED, main
+from kpred.cli.main import FAILED, USAGE, main
 
 ADDRESSES = [
     "postgresql://me:hunter2@127.0.0.1:1/models",
     "postgresql://127.0.0.1:1/models?user=me&password=hunter2",
     "postgresql://me:hunter2@127.0.0.1:port/models",
     "postgresql+nodriver://me:hunter2@127.0.0.1:1/models",
+    "postgresql://me:p@hunter2@127.0.0.1:1/models",
 ]
 
 
@@ -44,6 +45,14 @@ def test_no_command_prints_a_password(
         printed = capsys.readouterr()
         assert "hunter2" not in printed.out + printed.err
         assert "postgresql" in printed.err
+
+
+@pytest.mark.parametrize("words", [["demo", "--database"], ["plot", "catalogue"]])
+def test_wrong_use_prints_no_password(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, ADDRESSES[0]]) == USAGE
+    printed = capsys.readouterr()
+    assert "hunter2" not in "".join((printed.out + printed.err).split())
+    assert "postgresql" in printed.err
 
 
 def test_a_batch_stores_no_password_and_goes_on_with_another(tmp_path: Path) -> None:

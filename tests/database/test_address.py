@@ -52,7 +52,9 @@ def test_passwords_of_mistyped_addresses_are_masked(text: str, shown: str) -> No
     assert masked(text) == shown
 
 
-@pytest.mark.parametrize("address", ["mysql://me:hunter2@host/db", "postgre://host/db", "https://host/a.kpred", "host=h dbname=x"])
+@pytest.mark.parametrize(
+    "address", ["mysql://me:hunter2@host/db", "postgre://host/db", "https://host/a.kpred", "host=h dbname=x"]
+)
 def test_addresses_of_other_kinds_are_no_files(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for use in (Database.open, Database.create, Database.exists):

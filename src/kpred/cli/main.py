@@ -123,13 +123,16 @@ def _run(name: str, words: list[str]) -> int:
         summary = _summary(found)
     kind = found
     start: Any = module.default(kind, words) if hasattr(module, "default") else None
-    command: Command = tyro.cli(
-        kind,
-        prog=f"kpred {name}",
-        args=words,
-        default=start,
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )
+    shown = [masked(word) for word in words]
+    # Messages about wrong use repeat the words: they see the masked ones first.
+    for given in [words] if shown == words else [shown, words]:
+        command: Command = tyro.cli(
+            kind,
+            prog=f"kpred {name}",
+            args=given,
+            default=start,
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
     output = Output(as_json=command.json, command=line)
     with reported_compilation(output.caution) if command.fits else nullcontext():
         command.run(output)

@@ -91,6 +91,8 @@ class PostgresBackend:
         try:
             url = make_url(written)
             self.path = masked(written).replace("+psycopg", "", 1)
+            if "@" in (url.host or ""):  # Messages of the driver would show what stands before it.
+                raise DatabaseError(f"{masked(address)}: the password holds an @; write %40 for it.")
             arguments = {"connect_timeout": max(1, round(timeout))}
             if "options" not in url.query:
                 arguments["options"] = "-c search_path=kpred,public"  # type: ignore[assignment]
