@@ -123,12 +123,11 @@ class OBJECT_OT_kpred_fit(bpy.types.Operator):
         points = world_points(context.object, context.evaluated_depsgraph_get())
         if len(points) < MIN_POINTS:
             raise FitError(f"{context.object.name} has {len(points)} points; a fit needs at least {MIN_POINTS}.")
-        self._scale = context.scene.unit_settings.scale_length
         self._name = context.object.name
         self._folder = tempfile.TemporaryDirectory(prefix="kpred-blender-")
         folder = Path(self._folder.name)
-        # Blender may stand far from the origin: doubles, in metres.
-        np.save(folder / "scan.npy", points * self._scale)
+        # In metres, as GLB is, from which Blender reads the result in the scene's unit.
+        np.save(folder / "scan.npy", points * context.scene.unit_settings.scale_length)
         database = bpy.path.abspath(preferences.database) if preferences.database else ""
         command = fit_command(interpreter, folder, context.scene.kpred, database)
         self._log = (folder / "log.txt").open("w+", encoding="utf-8")
@@ -146,7 +145,7 @@ class OBJECT_OT_kpred_fit(bpy.types.Operator):
             if self._process.returncode != 0:
                 raise FitError(said[-1] if said else f"kpred ended with {self._process.returncode}.")
             record = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-            place(context, import_glb(folder / "result.glb"), f"{self._name} fit", self._scale, record)
+            place(context, import_glb(folder / "result.glb"), f"{self._name} fit", record)
         finally:
             self._folder.cleanup()
         self.report({"INFO"}, f"{record['model_id']} ({record['category']}), confidence {record['confidence']:.2f}")
@@ -204,15 +203,12 @@ def import_glb(file: Path) -> list[bpy.types.Object]:
     return [item for item in bpy.data.objects if item not in before and item.parent is None]
 
 
-def place(
-    context: bpy.types.Context, roots: list[bpy.types.Object], name: str, scale: float, record: dict[str, object]
-) -> None:
-    """Name a result, bring it from metres to the scene's unit, and select it; its facts are custom properties."""
+def place(context: bpy.types.Context, roots: list[bpy.types.Object], name: str, record: dict[str, object]) -> None:
+    """Name a result and select it; its facts become custom properties."""
     for item in context.selected_objects:
         item.select_set(False)
     for root in roots:
         root.name = name
-        root.matrix_world = root.matrix_world.__class__.Scale(1.0 / scale, 4) @ root.matrix_world
         for key in ("model_id", "category", "confidence", "licence"):
             root[f"kpred_{key}"] = record[key]
         root.select_set(True)
