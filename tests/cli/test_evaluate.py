@@ -105,8 +105,8 @@ def test_catalogue_prints_what_it_writes(
     assert Image.open(tmp_path / "sheet.png").size[0] > 500
 
 
-def test_the_old_spelling_means_shapes(files: Path, pack: Path, run_json: Run) -> None:
-    line = [pack, "--model", files / "model", "--top-k", 2]
+def test_the_old_spelling_means_shapes(files: Path, pack: Path, tmp_path: Path, run_json: Run) -> None:
+    line = [pack, "--model", files / "model", "--top-k", 2, "--limit", 1, "--cache", tmp_path]
     short, full = (run_json("evaluate", *words, *line) for words in ((), ("shapes",)))
     for report in (short, full):
         assert report["header"].pop("seconds") >= 0

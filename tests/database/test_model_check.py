@@ -6,7 +6,7 @@ import trimesh
 
 from kpred.database.model_check import ModelCheck
 from kpred.database.orientation_check import up_rotation
-from kpred.nn import load_model
+from kpred.nn import Recognizer, load_model
 from kpred.shapes.helper_parts import helper_part
 from kpred.shapes.mesh import Mesh
 from kpred.shapes.source import Shape
@@ -22,22 +22,29 @@ def shapes() -> list[Shape]:
     return found
 
 
+@pytest.fixture(scope="module")
+def recognizer() -> Recognizer | None:
+    return load_model().recognizer
+
+
 def rotated(shape: Shape, rotation: np.ndarray) -> Shape:
     return shape._replace(mesh=Mesh(shape.mesh.vertices @ rotation.T, shape.mesh.faces))
 
 
 @pytest.mark.parametrize("axis", ["z", "-z", "-y", "y"])
-def test_the_up_axis_of_a_catalogue_is_recognized(shapes: list[Shape], axis: str) -> None:
+def test_the_up_axis_of_a_catalogue_is_recognized(
+    shapes: list[Shape], recognizer: Recognizer | None, axis: str
+) -> None:
     lying = [rotated(shape, up_rotation(axis).T) for shape in shapes]
     # A cabinet that stands on its head is a cabinet still.
     for category in ("chair", "table") if axis == "-y" else ("chair", "table", "cabinet"):
-        check = ModelCheck(load_model().recognizer)
+        check = ModelCheck(recognizer)
         list(check.watch(shape for shape in lying if shape.category == category))
         if axis == "y":
             assert check.warnings() == []
         else:
             assert len(check.warnings()) == 1 and "not y; build again with --up" in check.warnings()[0]
-    stood_up = ModelCheck(load_model().recognizer, up=axis)
+    stood_up = ModelCheck(recognizer, up=axis)
     for before, after in zip(shapes, stood_up.watch(lying), strict=True):
         np.testing.assert_allclose(after.mesh.vertices, before.mesh.vertices, atol=1e-6)
     assert stood_up.warnings() == []

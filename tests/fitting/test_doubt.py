@@ -21,7 +21,7 @@ def _doubted(fit: kpred.Fit) -> bool:
 
 @pytest.fixture(scope="module")
 def furniture() -> list[kpred.Fit]:
-    shapes = [mesh for name in ("chair", "table", "cabinet") for mesh in generate(name, 4, seed=41, splits=False)]
+    shapes = [mesh for name in ("chair", "table", "cabinet") for mesh in generate(name, 3, seed=41, splits=False)]
     return [kpred.fit(_surface(mesh), up="y") for mesh in shapes]
 
 
@@ -34,7 +34,7 @@ def test_furniture_is_trusted(furniture: list[kpred.Fit]) -> None:
 
 
 def test_other_things_are_doubted_or_warned_of(furniture: list[kpred.Fit]) -> None:
-    fits = [kpred.fit(_surface(mesh), up="y") for mesh in generate("other", 16, seed=8, splits=False)]
+    fits = [kpred.fit(_surface(mesh), up="y") for mesh in generate("other", 8, seed=8, splits=False)]
     assert np.mean([_doubted(fit) or bool(fit.warnings) for fit in fits]) >= 0.7
     assert np.mean([fit.confidence for fit in fits]) < np.mean([fit.confidence for fit in furniture]) - 0.25
     assert all(fit.warnings for fit in fits if _doubted(fit)), "no doubt without a word"
