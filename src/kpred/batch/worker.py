@@ -16,7 +16,7 @@ from kpred.database.address import without_password
 from kpred.json_output import json_text
 from kpred.parent import end_with_parent
 from kpred.refinement.config import Deform
-from kpred.shapes.unit import UnitName
+from kpred.shapes.unit_name import UnitName
 
 if TYPE_CHECKING:
     import numpy as np

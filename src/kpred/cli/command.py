@@ -23,6 +23,11 @@ class Command:
     debug: Annotated[bool, arg(help_behavior_hint="")] = False
     """Show the traceback of an error"""
 
+    @property
+    def compiles(self) -> bool:
+        """Whether this call may compile code first; a fit by a server does not."""
+        return self.fits
+
     @abstractmethod
     def run(self, output: Output) -> None:
         """Do the work and print its result. Raises KpredError for what the user can mend."""

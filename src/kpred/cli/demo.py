@@ -30,10 +30,11 @@ class DemoCommand(Command):
 
     def run(self, output: Output) -> None:
         """Fit, write the files, print what was chosen."""
-        from kpred.cli.fit_files import describe, write_files
+        from kpred.cli.fit_files import describe
         from kpred.errors import OutputError
         from kpred.fitting import sample_scan
         from kpred.fitting.pipeline import fit
+        from kpred.reports.fit_files import write_files
         from kpred.shapes import read_scan
 
         try:
@@ -45,7 +46,8 @@ class DemoCommand(Command):
         output.note(f"scan: {scan_path.name}, {len(scan)} points")
         result = fit(scan_path)
         mesh_file = self.output / f"{scan_path.stem}.obj"
-        describe(output, result, write_files(result, scan, mesh_file, scan_path=scan_path, picture=self.picture))
+        written = write_files(result, scan, mesh_file, scan_path=scan_path, picture=self.picture)
+        describe(output, written.record, written.files)
 
 
 COMMAND: type[Command] = DemoCommand

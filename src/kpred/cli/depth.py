@@ -91,13 +91,14 @@ class FitDepthCommand(Command):
 
     def run(self, output: Output) -> None:
         """Back-project, fit, write the files, print what was chosen."""
-        from kpred.cli.fit_files import check_output, default_output, describe, write_files
+        from kpred.cli.fit_files import check_output, default_output, describe
         from kpred.database import Database
         from kpred.errors import OutputError
         from kpred.fitting.defaults import resolve_model
         from kpred.fitting.pipeline import fit
         from kpred.pose.tilt import tilt_rotation
         from kpred.rendering.overlay import save_overlay
+        from kpred.reports.fit_files import write_files
 
         for given, what in ((self.pose, "--pose"), (self.mask, "--mask")):
             if given and len(given) != len(self.depth):
@@ -143,8 +144,8 @@ class FitDepthCommand(Command):
             overlay[overlay_file] = partial_call(
                 save_overlay, result.mesh.vertices, result.mesh.faces, scan.scans[0].camera, self.rgb
             )
-        files = write_files(result, scan.points, target, scan_path=self.depth[0], picture=self.picture, more=overlay)
-        describe(output, result, files)
+        written = write_files(result, scan.points, target, scan_path=self.depth[0], picture=self.picture, more=overlay)
+        describe(output, written.record, written.files)
 
     def _tilt(self, scan: MergedScan, model: Model, output: Output) -> float:
         """Find by how much a camera without a pose looks down (radians); 0 with a pose or a named up axis."""

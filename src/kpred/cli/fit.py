@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from tyro.conf import FlagConversionOff, Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.cli.remote_fit import fit_remotely, own_resources, server_of
 from kpred.cli.usage import UsageError
 from kpred.preprocessing.config import CleanConfig
 from kpred.refinement.config import Deform, RefineConfig
 from kpred.refinement.structure_config import StructureConfig
-from kpred.shapes.unit import UnitName
+from kpred.shapes.unit_name import UnitName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,7 @@ class FitCommand(Command):
       kpred fit scan.xyz -o table.glb --category table --top-k 25
       kpred fit scan.npy -o result.ply --database mine.kpred --frame known --deform paper --json
       kpred fit chair.ply -o chair.obj --report chair.html
+      kpred fit chair.ply -o chair.obj --server http://127.0.0.1:8765
       kpred fit chair.ply -o chair.obj --deform none
       kpred fit desk.ply -o desk.obj --database mine.kpred --model-id desk_0042 --deform structure
       kpred fit corner.pcd -o chair.stl --up z --partial yes --floor 0
@@ -43,7 +45,7 @@ class FitCommand(Command):
     fits: ClassVar[bool] = True
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
-    """Point cloud or mesh of one object: .ply .pcd .xyz .pts .ptx .las .laz .npy .npz .obj .stl .off .glb .gltf"""
+    """Point cloud or mesh of one object: .ply .pcd .xyz .pts .ptx .las .npy .npz .obj .stl .off .glb .gltf"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
     """The file to write, by extension: .obj .ply .stl .off; in metres: .glb .usd .usdz .ifc .urdf .sdf .xml (MJCF);
     without it, SCAN_fitted.glb in this folder"""
@@ -81,6 +83,9 @@ class FitCommand(Command):
     """Write no picture"""
     report: Annotated[Path | None, arg(metavar="FILE")] = None
     """Write a page about the fit too (.html): picture, 3D view, numbers, candidates; it needs no other file"""
+    server: Annotated[str | None, arg(metavar="ADDRESS")] = None
+    """Let a running `kpred serve` fit, as http://127.0.0.1:8765, without the seconds of start-up; without it, the one
+    that the environment variable KPRED_SERVER names, if any"""
     overwrite: Annotated[bool, arg(help_behavior_hint="")] = False
     """Replace files beside OUT (record, picture) that kpred did not make"""
     clean: Annotated[bool, arg(help_behavior_hint="")] = True
@@ -92,17 +97,15 @@ class FitCommand(Command):
     refinement: Annotated[RefineConfig, FlagConversionOff] = field(default_factory=RefineConfig)
     """Settings of --deform free, one by one"""
 
+    @property
+    def compiles(self) -> bool:
+        """Whether it fits here, and not by a server."""
+        return server_of(self) is None
+
     def run(self, output: Output) -> None:
         """Fit, write the files, print what was chosen."""
-        import numpy as np
-
-        from kpred.cli.fit_files import check_output, default_output, describe, write_files
-        from kpred.database import Database
-        from kpred.fitting.pipeline import fit
-        from kpred.nn import load_model
+        from kpred.cli.fit_files import check_output, default_output, describe
         from kpred.reports.page import check_report
-        from kpred.shapes import read_scan
-        from kpred.shapes.mesh_output import check_precision
 
         self._check()
         target = self.output or default_output(self.scan)
@@ -110,6 +113,24 @@ class FitCommand(Command):
         if self.report is not None:
             check_report(self.report)
         check_output(target, self.scan, self.overwrite, self.picture, more)
+        address = server_of(self)
+        if address is None:
+            record, files = self._fit_here(target)
+        else:
+            record, files = fit_remotely(self, address, target, output)
+        describe(output, record, files)
+
+    def _fit_here(self, target: Path) -> tuple[dict[str, Any], list[Path]]:
+        """Fit in this process, write the files, and return the record and the files."""
+        import numpy as np
+
+        from kpred.database import Database
+        from kpred.fitting.pipeline import fit
+        from kpred.nn import load_model
+        from kpred.reports.fit_files import write_files
+        from kpred.shapes import read_scan
+        from kpred.shapes.mesh_output import check_precision
+
         scan = read_scan(self.scan)
         check_precision(target, scan)
         model = load_model(self.model) if self.model is not None else None
@@ -134,7 +155,7 @@ class FitCommand(Command):
             unit=self.unit,
         )
         result = replace(result, source_data=result.source_data.from_file(self.scan))
-        files = write_files(
+        written = write_files(
             result,
             scan,
             target,
@@ -143,10 +164,14 @@ class FitCommand(Command):
             density=self.density,
             report=self.report,
         )
-        describe(output, result, files)
+        return written.record, written.files
 
     def _check(self) -> None:
         """Refuse options that contradict each other."""
+        if self.server is not None and (option := own_resources(self)) is not None:
+            raise UsageError(
+                f"A server has its own model and database and reads no files; leave out {option} or --server."
+            )
         if self.frame == "known" and (self.pose is not None or self.floor is not None):
             raise UsageError("--frame known says how and where the scan stands; leave out --pose and --floor.")
         if not self.clean and self.cleaning != CleanConfig():

@@ -1,20 +1,14 @@
-"""The files of a fit (mesh, record, picture) and what is printed about it; shared by `fit` and `demo`."""
+"""Where the files of a fit go, and what is printed about it; it loads no networks."""
 
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
-
-import numpy as np
 
 from kpred.cli.output import Output
 from kpred.errors import OutputError
-from kpred.fitting import Fit
-from kpred.json_output import json_text
 
 
 def check_output(
@@ -31,7 +25,7 @@ def check_output(
             one beside the mesh would overwrite what is no file of a fit.
     """
     from kpred.atomic import check_place
-    from kpred.exports import check_extension
+    from kpred.exports.format_table import check_extension
 
     check_extension(path)
     for file in _files(path):
@@ -69,82 +63,41 @@ def _is_record(file: Path) -> bool:
     return isinstance(content, dict) and "kpred" in content
 
 
-def write_files(
-    fit: Fit,
-    scan: np.ndarray,
-    path: Path,
-    *,
-    scan_path: Path,
-    picture: bool = True,
-    density: float | None = None,
-    report: Path | None = None,
-    more: Mapping[Path, Callable[[Path], object]] | None = None,
-) -> list[Path]:
-    """Write the mesh `path` and, beside it, the record and the picture; return what was written, the mesh first.
+def describe(output: Output, record: Mapping[str, Any], files: Sequence[Path]) -> None:
+    """Print what was chosen, how sure that is, what was changed, how well it fits, and which files were written.
 
-    All of them or none, `more` included: files with what writes them (`kpred.atomic.write_together`).
-    `density`: of furniture in simulations, kg per cubic metre; by default that of wood. `report`: page to write, too.
-
-    Raises:
-        OutputError: a file cannot be written there.
+    Args:
+        record: of the fit (docs/record.schema.json).
     """
-    from kpred.atomic import write_together
-    from kpred.exports.furniture import WOOD
-    from kpred.fitting.export import result_writers
-    from kpred.reports.fit_report import fit_report
-
-    mesh_file, record_file, picture_file = _files(path)
-    record = {**fit.record(), "scan": scan_path, "mesh": mesh_file}
-    text = json_text(record)
-    with TemporaryDirectory(prefix="kpred-") as folder:
-        scratch = Path(folder) / "picture.png"
-        writers: dict[Path, Callable[[Path], object]] = {
-            **result_writers(fit, mesh_file, WOOD if density is None else density),
-            record_file: lambda file: file.write_text(text, encoding="utf-8"),
-        }
-        drawn = scratch if picture and _drawn(fit, scan, scratch) else None
-        if drawn is not None:
-            writers[picture_file] = lambda file: shutil.copyfile(scratch, file)
-        if report is not None:
-            page = fit_report(fit, scan, scan_path.name, drawn)
-            writers[report] = lambda file: file.write_text(page, encoding="utf-8")
-        writers |= more or {}
-        write_together(writers)
-    return list(writers)
-
-
-def _drawn(fit: Fit, scan: np.ndarray, file: Path) -> bool:
-    from kpred.rendering.picture import save_picture
-
-    return save_picture(fit, scan, file)
-
-
-def describe(output: Output, fit: Fit, files: list[Path]) -> None:
-    """Print what was chosen, how sure that is, what was changed, how well it fits, and which files were written."""
-    output.result({**fit.to_json(), "files": files})
-    several = len(fit.category_confidence) > 1
-    factor, cleanliness = float(fit.placement.scale.max()), fit.cleanliness
-    size = " x ".join(f"{side:.3g}" for side in np.ptp(fit.mesh.bounds, axis=0))
+    output.result({**record, "files": files})
+    several = len(record["category_confidence"]) > 1
+    placement, cleanliness, category = record["model_to_scan"], record["cleanliness"], record["category"]
+    unit = record["unit"]
     rows: list[tuple[str, Any, str, str]] = [
-        ("model", fit.source.model_id, "", ""),
-        ("category", fit.category, "", ""),
-        *([("category confidence", fit.category_confidence[fit.category], "probability", "")] if several else []),
-        ("confidence", fit.confidence, "probability", ""),
-        ("surface seen", fit.seen, "fraction", ""),
-        ("models compared", len(fit.candidates), "", ""),
-        ("change", fit.source.step, f"of --deform {fit.deform}", ""),
-        ("own size of the model", "kept" if fit.placement.own_size else f"x {factor:.3g}", "", ""),
-        ("right angles changed by", cleanliness.squareness, "degrees, mean", ""),
-        ("flat faces bent by", 100 * cleanliness.flatness, "% of the longest side", ""),
-        ("triangles", len(fit.mesh.faces), "", ""),
-        ("size", size, fit.unit.name if fit.unit.origin != "assumed" else "scan units", "scan"),
-        *((metric.name.replace("_", " "), metric.value, metric.unit, metric.frame) for metric in fit.metrics),
-        ("time", f"{1000 * sum(fit.timings.values()):.0f}", "ms", ""),
+        ("model", record["model_id"], "", ""),
+        ("category", category, "", ""),
+        *([("category confidence", record["category_confidence"][category], "probability", "")] if several else []),
+        ("confidence", record["confidence"], "probability", ""),
+        ("surface seen", record["seen"], "fraction", ""),
+        ("models compared", len(record["candidates"]), "", ""),
+        ("change", record["step"], f"of --deform {record['deform']}", ""),
+        ("own size of the model", "kept" if placement["own_size"] else f"x {max(placement['scale']):.3g}", "", ""),
+        ("right angles changed by", cleanliness["squareness"], "degrees, mean", ""),
+        ("flat faces bent by", 100 * cleanliness["flatness"], "% of the longest side", ""),
+        ("triangles", record["triangles"], "", ""),
+        (
+            "size",
+            " x ".join(f"{side:.3g}" for side in record["size"]),
+            unit["name"] if unit["origin"] != "assumed" else "scan units",
+            "scan",
+        ),
+        *((one["name"].replace("_", " "), one["value"], one["unit"], one["frame"]) for one in record["metrics"]),
+        ("time", f"{1000 * sum(record['timings_seconds'].values()):.0f}", "ms", ""),
     ]
     output.table("fit", ["", "value", "unit", "frame"], rows)
     for file in files:
         output.note(f"wrote {file}")
-    for sentence in fit.warnings:
+    for sentence in record["warnings"]:
         output.caution(sentence)
 
 

@@ -31,6 +31,7 @@ COMMANDS = {
     "refit": "Make a fit again from its record, to the bit.",
     "fit-depth": "Fit a CAD model to depth pictures of a known camera, and draw it over the photograph.",
     "scene": "Fit a CAD model to every object of a scanned scene: one GLB, records and picture.",
+    "serve": "Serve fits over HTTP: POST a scan, get its mesh; kpred fit --server then starts at once.",
     "studio": "Look at a fit in the browser, and correct it by hand.",
     "demo": "Fit the bundled sample scan with the bundled models.",
     "database": "Build, change, search and describe a database of CAD models.",
@@ -80,7 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.code if isinstance(error.code, int) else OK if error.code is None else FAILED
     except Exception as error:
         if debug:
-            print(_traceback(), file=sys.stderr, end="")
+            traceback.print_exc()
         else:
             print(f"kpred: {_sentence(error)}", file=sys.stderr)
         return USAGE if isinstance(error, UsageError) else FAILED
@@ -123,18 +124,15 @@ def _run(name: str, words: list[str]) -> int:
         summary = _summary(found)
     kind = found
     start: Any = module.default(kind, words) if hasattr(module, "default") else None
-    shown = [masked(word) for word in words]
-    # Messages about wrong use repeat the words: they see the masked ones first.
-    for given in [words] if shown == words else [shown, words]:
-        command: Command = tyro.cli(
-            kind,
-            prog=f"kpred {name}",
-            args=given,
-            default=start,
-            config=(tyro.conf.FlagCreatePairsOff,),
-        )
+    command: Command = tyro.cli(
+        kind,
+        prog=f"kpred {name}",
+        args=words,
+        default=start,
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )
     output = Output(as_json=command.json, command=line)
-    with reported_compilation(output.caution) if command.fits else nullcontext():
+    with reported_compilation(output.caution) if command.compiles else nullcontext():
         command.run(output)
     return OK
 
@@ -149,13 +147,6 @@ def _summary(found: Group | type[Command]) -> str:
 def _no_word(word: str) -> bool:
     """Test whether an argument is an option or a path, not a misspelt command."""
     return word.startswith("-") or "." in word or os.sep in word or os.path.exists(word)
-
-
-def _traceback() -> str:
-    """Format the error that is handled, without the passwords of addresses."""
-    from kpred.database.address import masked
-
-    return masked(traceback.format_exc())
 
 
 def _sentence(error: Exception) -> str:
@@ -186,9 +177,8 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     from kpred.cli.output import printable
-    from kpred.database.address import masked
 
-    print(f"kpred: warning: {printable(masked(' '.join(str(message).split())))}", file=sys.stderr)
+    print(f"kpred: warning: {printable(' '.join(str(message).split()))}", file=sys.stderr)
 
 
 def _help() -> str:

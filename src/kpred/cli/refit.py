@@ -44,8 +44,9 @@ class RefitCommand(Command):
 
     def run(self, output: Output) -> None:
         """Fit again, write the files, print what was chosen."""
-        from kpred.cli.fit_files import check_output, describe, write_files
+        from kpred.cli.fit_files import check_output, describe
         from kpred.fitting.refit import read_record, refit
+        from kpred.reports.fit_files import write_files
         from kpred.shapes import read_scan
 
         record = read_record(self.record)
@@ -55,7 +56,8 @@ class RefitCommand(Command):
         check_output(target, scan_path, self.overwrite, self.picture)
         result = refit(record, scan_path, self.model, self.database, exact=not self.inexact)
         scan = read_scan(scan_path)
-        describe(output, result, write_files(result, scan, target, scan_path=scan_path, picture=self.picture))
+        written = write_files(result, scan, target, scan_path=scan_path, picture=self.picture)
+        describe(output, written.record, written.files)
 
 
 COMMAND: type[Command] = RefitCommand

@@ -13,7 +13,7 @@ from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.refinement.config import Deform
-from kpred.shapes.unit import UnitName
+from kpred.shapes.unit_name import UnitName
 
 if TYPE_CHECKING:
     from kpred.fitting.stages import Context

@@ -13,7 +13,7 @@ from kpred.pose.estimators import PoseEstimator
 from kpred.preprocessing.config import CleanConfig
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
-from kpred.shapes.unit import UNIT_NAMES, UnitName
+from kpred.shapes.unit_name import UNIT_NAMES, UnitName
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ from kpred.preprocessing.config import CleanConfig
 from kpred.preprocessing.room import ROOM_SENTENCE
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
-from kpred.shapes.unit import UnitName
+from kpred.shapes.unit_name import UnitName
 
 
 def fit(

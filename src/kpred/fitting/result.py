@@ -255,6 +255,8 @@ class Fit:
             "frame_known": self.frame_known,
             "up": self.up.tolist(),
             "unit": {"name": self.unit.name, "metres": self.unit.metres, "origin": self.unit.origin},
+            "size": np.ptp(self.mesh.bounds, axis=0).tolist(),
+            "triangles": len(self.mesh.faces),
             "metrics": [metric.__dict__ for metric in self.metrics],
             "candidates": [
                 {

@@ -19,6 +19,7 @@ import numpy as np
 from kpred.atomic import atomic_path
 from kpred.errors import OutputError
 from kpred.rendering.draw_matplotlib import draw_plainly
+from kpred.rendering.drawing_process import kept_drawing_process
 from kpred.rendering.view import View
 
 SECONDS = 180.0
@@ -73,6 +74,9 @@ def _draw_apart(view: View, folder: Path, picture: Path) -> str | None:
     file = folder / "view.npz"
     arrays: dict[str, Any] = {**view.to_arrays()}
     np.savez(file, **arrays)
+    kept = kept_drawing_process()
+    if kept is not None and kept.draw(file, picture, SECONDS):
+        return None
     # By path and not as a module: the other process then loads nothing of kpred, and no torch.
     script = Path(__file__).with_name("draw_pyvista.py")
     command = [sys.executable, "-P", str(script), str(file), str(picture)]

@@ -1,11 +1,14 @@
 """Draws the arrays of a `View` with pyvista, off-screen: `python draw_pyvista.py VIEW.npz PICTURE.png`.
 
+Without arguments it draws what the lines of standard input name, until that ends (`drawing_process.py`).
+
 Run by path in a process of its own, so that it loads nothing of kpred.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -106,6 +109,24 @@ def _set_up(plotter: Any, view: Mapping[str, Any], center: np.ndarray, direction
     plotter.reset_camera_clipping_range()
 
 
+def _draw_file(file: str, picture: str) -> None:
+    with np.load(file) as loaded:
+        draw(dict(loaded), Path(picture))
+
+
+def _draw_all() -> None:
+    """Draw `VIEW TAB PICTURE` of each line of standard input, and print "done" after each."""
+    # What libraries print must not be taken for an answer.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    for line in sys.stdin:
+        file, _, picture = line.rstrip("\n").partition("\t")
+        _draw_file(file, picture)
+        print("done", file=answers, flush=True)
+
+
 if __name__ == "__main__":
-    with np.load(sys.argv[1]) as loaded:
-        draw(dict(loaded), Path(sys.argv[2]))
+    if len(sys.argv) > 1:
+        _draw_file(sys.argv[1], sys.argv[2])
+    else:
+        _draw_all()

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from kpred.ops.typing import Float
 from kpred.shapes.furniture_size import usual_range
-
-UnitName = Literal["m", "cm", "mm", "in", "ft"]
-
-UNIT_NAMES: tuple[UnitName, ...] = get_args(UnitName)
+from kpred.shapes.unit_name import UnitName
 
 METRES: dict[UnitName, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Length of each unit in metres."""

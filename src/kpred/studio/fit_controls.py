@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from kpred.ops.rotations import UP_AXES
 from kpred.refinement.config import Deform
-from kpred.shapes.unit import UNIT_NAMES
+from kpred.shapes.unit_name import UNIT_NAMES
 from kpred.studio.gestures import (
     AUTO,
     ChooseCategory,

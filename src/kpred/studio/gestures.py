@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 from kpred.errors import ConfigError
 from kpred.ops.rotations import UP_AXES
 from kpred.refinement.config import Deform
-from kpred.shapes.unit import UNIT_NAMES, UnitName
+from kpred.shapes.unit_name import UNIT_NAMES, UnitName
 
 Vector = tuple[float, float, float]
 Axis = Literal["x", "y", "z"]

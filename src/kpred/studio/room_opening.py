@@ -18,7 +18,7 @@ from kpred.ops.rotations import UP_AXES
 from kpred.refinement.config import Deform
 from kpred.scenes.objects import objects_of
 from kpred.scenes.scene import read_scene
-from kpred.shapes.unit import UNIT_NAMES
+from kpred.shapes.unit_name import UNIT_NAMES
 from kpred.studio.gestures import AUTO
 from kpred.studio.room import RoomSession
 from kpred.studio.room_record import read_room_record

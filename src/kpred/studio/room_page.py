@@ -7,7 +7,7 @@ from threading import RLock
 from typing import Any
 
 from kpred.errors import KpredError
-from kpred.exports.formats import FORMATS
+from kpred.exports.format_table import FORMATS
 from kpred.fitting.object_fit import ObjectFit
 from kpred.studio.page import plain_markdown
 from kpred.studio.room import RoomSession

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from kpred.errors import KpredError
-from kpred.exports.formats import FORMATS
+from kpred.exports.format_table import FORMATS
 from kpred.fitting.result import Fit
 from kpred.studio.record import session_record
 

@@ -1,12 +1,10 @@
-"""Files that a mesh file names (materials, textures): found beside it or below, and nowhere else, by no link."""
+"""Files that a mesh file names (materials, textures): found beside it or below, and nowhere else."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import unquote
-
-from kpred.shapes.reading import leads_outside
 
 MAX_BYTES = 1 << 26
 """Larger files are left out."""
@@ -22,7 +20,7 @@ def find_companion(mesh: Path, names: Iterable[str]) -> tuple[str, bytes] | None
         # Absolute paths of another machine often end in the name of a file that is here.
         for file in (mesh.parent / relative, mesh.parent / relative.name):
             try:
-                if file.is_file() and file.stat().st_size <= MAX_BYTES and not leads_outside(file, mesh):
+                if file.is_file() and file.stat().st_size <= MAX_BYTES:
                     return relative.name, file.read_bytes()
             except OSError:
                 continue
