@@ -109,7 +109,7 @@ def solve(normal, right):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def stiffen(normal, controls, weight):
-    """Adds the square of second differences of the spline's controls to the lower half of `normal`."""
+    """Add the square of second differences of the spline's controls to the lower half of `normal`."""
     for k in range(controls - 2):
         for i in range(3):
             for j in range(i + 1):

@@ -242,7 +242,7 @@ def _match_scan(
 
 
 def _unseen_normal(basis: Tensor, guess: Tensor, goal: Tensor) -> Tensor:
-    """Normal matrix (C, K, K) of how far corrections of the keypoints move the surface that the scan does not show.
+    """Compute the normal matrix (C, K, K) of how far keypoints move surface that the scan does not show.
 
     In these units the mean of the data term's matrix is that of the seen points. Keypoints that move only what is seen
     stay free, and those that move the same unseen surface are held together.

@@ -39,7 +39,7 @@ def seen_points(visible):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def match(moved, facing, sharp, goal, visible, seen, first, robust, minimum, wanted):
-    """Fills `wanted` (N, 4): where points should be, times weight, and the weight; both ways.
+    """Fill `wanted` (N, 4): where points should be, times weight, and the weight; both ways.
 
     Args:
         moved: (N, 3) points of the model; facing: (N,) axis that the surface faces there.
@@ -125,7 +125,7 @@ def _robust(squared, robust, minimum):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def hold(wanted, held, start):
-    """Adds the pull of weight `held` (N,) toward `start` (N, 3) to `wanted` (N, 4)."""
+    """Add the pull of weight `held` (N,) toward `start` (N, 3) to `wanted` (N, 4)."""
     for i in range(len(held)):
         for axis in range(3):
             wanted[i, axis] += held[i] * start[i, axis]

@@ -22,7 +22,7 @@ DAMPING = 1e-6
 def place_rounds(
     points, start, visible, held, goal, per_axis, free_yaw, free_size, rounds, robust, minimum, placement, moved
 ):
-    """Fills `placement` (yaw, three sizes, shift) and `moved` (N, 3) with R_yaw (size * points) + shift.
+    """Fill `placement` (yaw, three sizes, shift) and `moved` (N, 3) with R_yaw (size * points) + shift.
 
     Args:
         points: (N, 3) of the source; start: (N, 3) where the first matches are taken.
@@ -105,7 +105,7 @@ def _equations(moments, placement, normal, right):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _join_sizes(normal, right, placement):
-    """Makes the first of three sizes the factor of all in the lower half of `normal` (7, 7) and `right` (7,)."""
+    """Make the first of three sizes the factor of all in the lower half of `normal` (7, 7) and `right` (7,)."""
     a, b, c = placement[1], placement[2], placement[3]
     right[1] = a * right[1] + b * right[2] + c * right[3]
     right[2] = right[3] = 0.0
@@ -125,7 +125,7 @@ def _join_sizes(normal, right, placement):
 @numba.njit(cache=True, nogil=True)
 @no_type_check
 def _step(normal, right, placement, per_axis, free_yaw, free_size):
-    """Adds the solution of the normal equations to `placement`, with what is not free left as it is."""
+    """Add the solution of the normal equations to `placement`, with what is not free left as it is."""
     one_size = free_size and not per_axis
     if one_size:
         # One factor for all three sizes takes the place of the first of them; the other two are held at 0.

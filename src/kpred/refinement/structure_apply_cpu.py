@@ -15,7 +15,7 @@ FASTMATH = {"nnan", "nsz", "contract", "reassoc"}
 @numba.njit(cache=True, nogil=True, fastmath=FASTMATH)
 @no_type_check
 def apply_columns(spline, own, bounds, group, boxes, lean_axis, points, solution, growth, limits, moved):
-    """Fills `moved` (N, 3) with where `solution` takes the points; see `fit_rounds`."""
+    """Fill `moved` (N, 3) with where `solution` takes the points; see `fit_rounds`."""
     count, controls = points.shape[0], spline.shape[1]
     along = np.empty(count, np.float32)
     for axis in range(3):

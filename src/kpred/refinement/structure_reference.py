@@ -45,7 +45,7 @@ class Family:
         return np.repeat(np.arange(len(self.group)), np.diff(self.bounds))
 
     def column(self, part: int, kind: int) -> int:
-        """Number of an unknown of a part."""
+        """Return the number of an unknown of a part."""
         return int(self.controls + KINDS * self.group[part] + kind)
 
     def rows(self, axis: int) -> Float[np.ndarray, "points unknowns"]:
