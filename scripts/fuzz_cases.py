@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,8 +77,25 @@ def _clouds(folder: Path, points: np.ndarray) -> list[Case]:
     (folder / "binary.pcd").write_bytes(f"{header}DATA binary\n".encode() + points.astype("<f4").tobytes())
     sizes = np.array([len(packed), len(raw)], "<u4").tobytes()
     (folder / "packed.pcd").write_bytes(f"{header}DATA binary_compressed\n".encode() + sizes + packed)
-    names = ["a.xyz", "a.csv", "a.pts", "comma.txt", "a.npy", "columns.npy", "a.npz"]
+    np.savez(folder / "axes.npz", x=points[:, 0], y=points[:, 1], z=points[:, 2])
+    (folder / "tuples.txt").write_text("\n".join(str(tuple(row)) for row in points.tolist()))
+    matrix = "\n".join(" ".join(map(str, row)) for row in np.eye(4).tolist())
+    (folder / "a.ptx").write_text(f"{len(lines)}\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n{matrix}\n" + "\n".join(lines))
+    (folder / "a.las").write_bytes(_las(points))
+    names = ["a.xyz", "a.csv", "a.pts", "comma.txt", "a.npy", "columns.npy", "a.npz", "axes.npz", "tuples.txt"]
+    names += ["a.ptx", "a.las"]
     return [Case(folder / name, read_scan) for name in (*names, "ascii.pcd", "binary.pcd", "packed.pcd")]
+
+
+def _las(points: np.ndarray) -> bytes:
+    """Make a LAS file 1.2 of points in steps of a tenth of a millimetre."""
+    records = np.zeros((len(points), 20), np.uint8)
+    records[:, :12] = (points / 1e-4).round().astype("<i4").view(np.uint8)
+    header = bytearray(227)
+    header[:4], header[24:26] = b"LASF", bytes([1, 2])
+    struct.pack_into("<HIIBHI", header, 94, 227, 227, 0, 0, 20, len(points))
+    struct.pack_into("<6d", header, 131, 1e-4, 1e-4, 1e-4, 0, 0, 0)
+    return bytes(header) + records.tobytes()
 
 
 def _cameras(folder: Path) -> list[Case]:
@@ -95,10 +113,18 @@ def _cameras(folder: Path) -> list[Case]:
     Image.fromarray(depth).save(folder / "depth.png")
     Image.fromarray(depth).save(folder / "depth.tiff")
     np.save(folder / "depth.npy", depth)
+    np.savez(folder / "depth.npz", depth=depth)
+    np.savez(folder / "k.npz", K=np.array([[290.0, 0, 160], [0, 290, 120], [0, 0, 1]]))
+    Image.fromarray(depth).save(folder / "depth.pgm")
+    (folder / "depth.pfm").write_bytes(b"Pf\n32 24\n-1.0\n" + (depth / 1000).astype("<f4").tobytes())
     Image.fromarray((depth > 0).astype(np.uint8)).save(folder / "mask.png")
-    found = [Case(folder / name, read_intrinsics_file) for name in ("k.json", "k.txt", "keyed.txt", "k.yaml", "k.npy")]
+    found = [
+        Case(folder / name, read_intrinsics_file)
+        for name in ("k.json", "k.txt", "keyed.txt", "k.yaml", "k.npy", "k.npz")
+    ]
     found += [Case(folder / name, read_pose) for name in ("pose.json", "pose.txt")]
-    found += [Case(folder / name, read_depth) for name in ("depth.png", "depth.tiff", "depth.npy")]
+    found += [Case(folder / name, read_depth) for name in ("depth.png", "depth.tiff", "depth.npy", "depth.npz")]
+    found += [Case(folder / name, read_depth) for name in ("depth.pgm", "depth.pfm")]
     return [*found, Case(folder / "mask.png", read_mask)]
 
 

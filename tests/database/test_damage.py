@@ -1,13 +1,14 @@
 """Files that are damaged: refused in one sentence that names the file, and the model where one is to blame."""
 
 import sqlite3
+import zlib
 from contextlib import closing
 
 import numpy as np
 import pytest
 
 from kpred.database import Database
-from kpred.database.arrays import pack_array
+from kpred.database.arrays import DamagedArray, pack_array, unpack_array
 from kpred.errors import DatabaseError
 
 
@@ -82,3 +83,11 @@ def test_numbers_that_cannot_be_are_refused_with_the_model_named(filled, name):
         else:
             with pytest.raises(DatabaseError, match="model chair-2: "):
                 database.candidates("chair")
+
+
+def test_arrays_that_grow_beyond_their_shape_are_damaged() -> None:
+    packed = zlib.compress(bytes(4_000_000))
+    for shape in ("10,3", "1000001", "999999", "-1", "900000000000"):
+        with pytest.raises(DamagedArray, match="are no <i4 array of shape"):
+            unpack_array("<i4", shape, None, "shuffle-zlib", packed)
+    assert not unpack_array("<i4", "1000000", None, "shuffle-zlib", packed).any()

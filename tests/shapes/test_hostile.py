@@ -123,6 +123,20 @@ def test_bombs_are_refused_before_they_expand(tmp_path: Path, at_once: None) -> 
             read(tmp_path / "bomb.png")
 
 
+def test_archives_that_would_grow_without_measure_are_refused(tmp_path: Path, at_once: None) -> None:
+    for name, array in (("scan", np.zeros((3, 4_000_000))), ("objects", np.zeros(12_000_000))):
+        np.savez_compressed(tmp_path / f"{name}.npz", array)
+    np.savez_compressed(tmp_path / "depth.npz", np.zeros((4000, 3000)))
+    readers: list[tuple[str, Callable[[Path], Any]]] = [
+        ("scan", read_scan),
+        ("objects", lambda file: objects_of(SCENE, file)),
+        ("depth", read_depth),
+    ]
+    for name, read in readers:
+        with pytest.raises(ScanError, match=rf"{name}\.npz: its arr_0\.npy would grow \d+ times"):
+            read(tmp_path / f"{name}.npz")
+
+
 @pytest.mark.parametrize("opening", ["[", '{"a":', '{"aligned_models":['])
 def test_deep_json(tmp_path: Path, opening: str, at_once: None) -> None:
     for name in ("a.json", "a.gltf"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from typing import Any
 
@@ -71,13 +72,28 @@ def _shuffled(stored: np.ndarray, order: str) -> bytes:
     return np.frombuffer(columns.tobytes(), np.uint8).reshape(-1, stored.itemsize).T.tobytes()
 
 
+def inflate(data: bytes, size: int) -> bytes:
+    """Decompress data of zlib that must have `size` bytes; no more memory is taken, whatever the data says.
+
+    Raises:
+        ValueError: another size, or an impossible one.
+    """
+    if not 0 <= size <= _MAX_BYTES:
+        raise ValueError(f"{size} bytes")
+    # A limit of 0 would be none.
+    found = zlib.decompressobj().decompress(data, size + 1)
+    if len(found) != size:
+        raise ValueError("another size")
+    return found
+
+
 def _unpacked(kind: np.dtype[Any], sizes: list[int], codec: str, data: bytes) -> np.ndarray:
     if codec == "raw":
         return np.frombuffer(data, kind).reshape(sizes)
     if codec not in _ORDERS:
         raise ValueError(codec)
-    plain = np.frombuffer(zlib.decompress(data), np.uint8).reshape(kind.itemsize, -1).T.tobytes()
-    numbers = np.frombuffer(plain, kind)
+    plain = np.frombuffer(inflate(data, math.prod(sizes) * kind.itemsize), np.uint8)
+    numbers = np.frombuffer(plain.reshape(kind.itemsize, -1).T.tobytes(), kind)
     return (numbers.reshape(sizes[-1], -1).T if codec == "columns-zlib" else numbers).reshape(sizes)
 
 
@@ -92,6 +108,9 @@ _ORDERS = ("shuffle-zlib", "columns-zlib")
 
 _SETTINGS = ((8, zlib.Z_DEFAULT_STRATEGY), (8, zlib.Z_FILTERED), (6, zlib.Z_FILTERED))
 """Memory levels and strategies of zlib that are tried; a low level gives each few kilobytes codes of their own."""
+
+_MAX_BYTES = 1 << 28
+"""Of one array, decompressed; those of a model of a million faces take a tenth."""
 
 _MAX_TRIED = 1 << 20
 """Larger arrays are compressed once, by zlib's own settings."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kpred.database.arrays import DamagedArray, compress, pack_array
+from kpred.database.arrays import DamagedArray, compress, inflate, pack_array
 from kpred.database.predictions_cpu import add_predictions, remove_predictions
 from kpred.ops.typing import Float, Int
 
@@ -66,7 +66,8 @@ def unpack_along_curve(
         if step is None:
             raise ValueError("differences without a step")
         kind, (count, columns) = np.dtype(dtype), (int(size) for size in shape.split(","))
-        numbers = np.frombuffer(zlib.decompress(data), np.uint8).reshape(kind.itemsize, -1).T.tobytes()
+        plain = inflate(data, count * columns * kind.itemsize)
+        numbers = np.frombuffer(plain, np.uint8).reshape(kind.itemsize, -1).T.tobytes()
         folded = np.frombuffer(numbers, kind.str.replace("i", "u")).reshape(columns, count).T
         differences = (folded >> 1).astype(kind) ^ -(folded & 1).astype(kind)
         order = curve_order(places)

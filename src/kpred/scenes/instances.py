@@ -11,7 +11,7 @@ import numpy as np
 from kpred.errors import ScanError
 from kpred.shapes.formats.ply_elements import Columns, PlyLists
 from kpred.shapes.formats.records import number_of
-from kpred.shapes.formats.scan_array import array_header
+from kpred.shapes.formats.scan_array import array_header, check_expansion
 from kpred.shapes.formats.scene_ply import vertex_columns
 from kpred.shapes.formats.text_lines import open_lines
 from kpred.shapes.reading import check_file, reading
@@ -96,6 +96,7 @@ def _of_archive(file: Path) -> np.ndarray:
         if not known and len(names) != 1:
             raise ScanError(f"{file}: none of its arrays is named instances; name one so.")
         name = f"{(known or names)[0]}.npy"
+        check_expansion(archive.getinfo(name), str(file))
         with archive.open(name) as stream:
             shape, _, dtype = array_header(stream, f"{file} ({name})")
             if math.prod(shape) * dtype.itemsize > archive.getinfo(name).file_size:

@@ -12,11 +12,11 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from kpred.errors import ScanError
-from kpred.shapes.formats.scan_array import array_header
+from kpred.shapes.formats.scan_array import array_header, check_expansion
 from kpred.shapes.reading import check_file, reading
 
-_MAX_PIXELS = 1 << 26
-"""Pixels of a picture of depths or ids; sensors have two million, and each takes 8 bytes."""
+_MAX_PIXELS = 1 << 25
+"""Pixels of a picture of depths or ids; sensors have two million, and each takes 8 bytes, several times."""
 
 
 _NAMES = ("depth", "mask", "depths", "depth_map", "arr_0")
@@ -100,6 +100,7 @@ def _archive(file: Path, kind: str) -> np.ndarray:
         if len(known) != 1 and len(names) != 1:
             raise ScanError(f"{file}: none of its arrays is named {_NAMES[0]} or {_NAMES[1]}; name the {kind} so.")
         name = (known or names)[0]
+        check_expansion(archive.getinfo(name), str(file))
         with archive.open(name) as stream:
             return _array(stream, file, archive.getinfo(name).file_size, kind)
 

@@ -1,6 +1,8 @@
 """What a file holds beside positions comes back as it was; positions are the new ones, normals turn with them."""
 
+import io
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -245,3 +247,14 @@ def test_a_mesh_compressed_by_draco_comes_out_plain_with_its_uvs(tmp_path, textu
     found = glb_content(file)
     assert sum("TEXCOORD_0" in one for one in found[5]) == 6
     assert {one["name"] for one in found[2]} == {"oak wood", "fabric"}
+
+
+@pytest.mark.parametrize("name", ["obj/../evil.png", "obj//etc/evil.png", "obj/.hidden", "obj/a\\b.png"])
+def test_files_of_a_foreign_database_lie_in_no_folder(textured_obj, name):
+    appearance = read_mesh_appearance(textured_obj)[1]
+    stream = io.BytesIO(appearance.pack())
+    assert set(Appearance.unpack(stream.getvalue()).files) == set(appearance.files)
+    with zipfile.ZipFile(stream, "a") as archive:
+        archive.writestr(name, b"evil")
+    with pytest.raises(ValueError, match="a file in a folder"):
+        Appearance.unpack(stream.getvalue())

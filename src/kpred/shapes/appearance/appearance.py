@@ -20,6 +20,10 @@ _ARRAYS = ("vertex_map", "offsets", "rotation")
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
+_MAX_UNPACKED = 1 << 29
+"""Bytes of all files of one model, decompressed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Appearance:
     """A mesh file as a template; n vertices in the file, V in the mesh that was made of it.
@@ -77,6 +81,11 @@ class Appearance:
     def unpack(cls, data: bytes) -> Appearance:
         """Undo `pack`. Raises ValueError, KeyError or zipfile.BadZipFile for bytes that are none."""
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            bare = [name.partition("/")[2] for name in archive.namelist() if not name.endswith(".npy")]
+            if any(not name or name.startswith(".") or "/" in name or "\\" in name for name in bare):
+                raise ValueError("a file in a folder")
+            if sum(item.file_size for item in archive.infolist()) > _MAX_UNPACKED:
+                raise ValueError("more bytes than materials have")
             arrays = {name: np.load(io.BytesIO(archive.read(f"{name}.npy")), allow_pickle=False) for name in _ARRAYS}
             files = {
                 name.partition("/")[2]: archive.read(name) for name in archive.namelist() if not name.endswith(".npy")

@@ -25,6 +25,9 @@ _MIN_POINTS = 64
 _MAX_BYTES = 1 << 32
 """Of an array that must be read whole, because its coordinates do not lie point by point."""
 
+_LARGE, _MAX_EXPANSION = 1 << 26, 100
+"""Bytes of an array below which it may be all zeros; times that a larger one may grow when it is decompressed."""
+
 _MAX_WIDTH = 4096
 _MAX_CHANNELS = 16
 """Values a point of an organised cloud: coordinates, normal, colour and the like."""
@@ -62,6 +65,7 @@ def npz_points(path: Path) -> Iterator[np.ndarray]:
                 return
             if key is None:
                 raise ScanError(f"{path}: none of its arrays is named points, xyz or vertices; name one so.")
+            check_expansion(archive.getinfo(f"{key}.npy"), str(path))
             with archive.open(f"{key}.npy") as stream:
                 yield from _array_points(stream, f"{path} ({key})", archive.getinfo(f"{key}.npy").file_size)
     except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, LookupError, EOFError, RuntimeError, ValueError) as error:
@@ -72,6 +76,7 @@ def _three_arrays(archive: zipfile.ZipFile, names: list[str], path: Path) -> Ite
     """Return the points whose coordinates are three arrays of one size."""
     axes = []
     for name in names:
+        check_expansion(archive.getinfo(f"{name}.npy"), str(path))
         with archive.open(f"{name}.npy") as stream:
             shape, _, dtype = array_header(stream, f"{path} ({name})")
             if dtype.kind not in "fiu" or not shape or math.prod(shape) * dtype.itemsize > _MAX_BYTES:
@@ -126,6 +131,17 @@ def _table(array: np.ndarray, wrong: ScanError) -> np.ndarray:
     if shape[1] < 3:
         raise wrong
     return array
+
+
+def check_expansion(member: zipfile.ZipInfo, name: str) -> None:
+    """Refuse an array in an archive that is small and would be very large.
+
+    Raises:
+        ScanError: measurements never compress so well.
+    """
+    if member.file_size > _LARGE and member.file_size > _MAX_EXPANSION * max(member.compress_size, 1):
+        times = member.file_size // max(member.compress_size, 1)
+        raise ScanError(f"{name}: its {member.filename} would grow {times} times to be read; save the array again.")
 
 
 class ArrayHeader(NamedTuple):
