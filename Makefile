@@ -9,9 +9,9 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.kpred-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 TORCH := torch==2.13.0
-LINTED := src tests scripts examples benchmarks
+LINTED := src tests scripts examples benchmarks integrations
 
-.PHONY: demo test lint format install docs dist wheel-test clean
+.PHONY: demo test lint format install docs dist wheel-test blender clean
 .DELETE_ON_ERROR:
 
 demo: $(STAMP)
@@ -48,6 +48,10 @@ dist: $(STAMP)
 # The wheel as a user has it: an environment of its own, an empty folder, an empty home.
 wheel-test: dist
 	@scripts/test_wheel.sh $(BIN)/python '$(TORCH)'
+
+# The Blender add-on as an extension, into dist/.
+blender: $(STAMP)
+	@$(BIN)/python scripts/make_blender_addon.py
 
 # torch goes first and alone: everything after it then finds the pinned build in place.
 $(STAMP): pyproject.toml constraints.txt

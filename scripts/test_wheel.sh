@@ -6,19 +6,21 @@ wheel=$(ls "$repository"/dist/kpred-*.whl)
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 "$1" -m venv "$folder/venv"
-pip=("$folder/venv/bin/python" -m pip --disable-pip-version-check --no-input -qq install -c "$repository/constraints.txt")
+bin=$folder/venv/bin
+[ -d "$bin" ] || bin=$folder/venv/Scripts  # Windows
+pip=("$bin/python" -m pip --disable-pip-version-check --no-input -qq install -c "$repository/constraints.txt")
 "${pip[@]}" "$2"
 "${pip[@]}" "$wheel"
 mkdir "$folder/home" "$folder/run"
 cd "$folder/run"
 SECONDS=0
-HOME=$folder/home PYTHONPATH='' "$folder/venv/bin/kpred" compile
+HOME=$folder/home PYTHONPATH='' "$bin/kpred" compile
 echo "compilation: $SECONDS s"
 SECONDS=0
-HOME=$folder/home PYTHONPATH='' "$folder/venv/bin/kpred" demo --no-picture -o demo
+HOME=$folder/home PYTHONPATH='' "$bin/kpred" demo --no-picture -o demo
 echo "first fit after it: $SECONDS s"
 for file in demo/chair_scan.obj demo/chair_scan.json; do
     test -s "$file" || { echo "kpred demo wrote no $file" >&2; exit 1; }
 done
-HOME=$folder/home PYTHONPATH='' "$folder/venv/bin/kpred" info
+HOME=$folder/home PYTHONPATH='' "$bin/kpred" info
 echo "$(basename "$wheel"): $(du -m "$wheel" | cut -f1) MB, installed and run"

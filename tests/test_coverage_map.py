@@ -84,7 +84,6 @@ COVERED_BY = {
     "exports/writer.py": "exports/test_formats.py",
     "exports/xml_text.py": "exports/test_sdf.py",
     "fitting/*.py": "fitting/test_pipeline.py",
-    "database/fingerprint.py": "cli/test_refit.py",
     "fitting/refit.py": "cli/test_refit.py",
     "fitting/source.py": "fitting/test_record.py",
     "fitting/warnings.py": "fitting/test_confidence.py",

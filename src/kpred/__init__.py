@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from kpred.batch import fit_many
     from kpred.database import Database
     from kpred.fitting import Fit, fit, sample_scan
+    from kpred.fitting.fit_room import fit_room
+    from kpred.fitting.fit_scene import SceneFit, fit_scene
     from kpred.nn import load_model
+    from kpred.scenes.scene import read_scene
     from kpred.shapes import read_mesh, read_scan, write_mesh
 
 # torch's OpenMP threads spin for milliseconds after each loop and keep compiled kernels of this package off the
@@ -28,12 +31,16 @@ if "OMP_WAIT_POLICY" not in os.environ:
 __all__ = [
     "Database",
     "Fit",
+    "SceneFit",
     "__version__",
     "fit",
     "fit_many",
+    "fit_room",
+    "fit_scene",
     "load_model",
     "read_mesh",
     "read_scan",
+    "read_scene",
     "sample_scan",
     "write_mesh",
 ]
@@ -41,11 +48,15 @@ __all__ = [
 _MODULES = {
     "Database": "kpred.database",
     "Fit": "kpred.fitting",
+    "SceneFit": "kpred.fitting.fit_scene",
     "fit": "kpred.fitting.pipeline",  # the function: the package has a module of this name too
     "fit_many": "kpred.batch",
+    "fit_room": "kpred.fitting.fit_room",
+    "fit_scene": "kpred.fitting.fit_scene",
     "load_model": "kpred.nn",
     "read_mesh": "kpred.shapes",
     "read_scan": "kpred.shapes",
+    "read_scene": "kpred.scenes.scene",
     "sample_scan": "kpred.fitting",
     "write_mesh": "kpred.shapes",
 }

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-try:
+if sys.platform == "win32":
+    import msvcrt
+else:
     import fcntl
-except ImportError:  # another system than Linux or macOS: nothing is locked
-    fcntl = None  # type: ignore[assignment]
 
 _owners: dict[str, int] = {}
 """Lock file -> thread of this process that holds it."""
@@ -44,19 +45,36 @@ def exclusive(file: Path, busy: Exception) -> Iterator[None]:
         with suppress(OSError):
             os.unlink(place)
         os.close(stream)
+        # Windows removes no file that is open.
+        with suppress(OSError):
+            if sys.platform == "win32":
+                os.unlink(place)
+
+
+def take_lock(stream: int) -> None:
+    """Lock an open file for this process until it is closed, or raise BlockingIOError if another one holds it.
+
+    Raises:
+        OSError: files cannot be locked there.
+    """
+    if sys.platform == "win32":
+        try:
+            msvcrt.locking(stream, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError(*error.args) from error
+    else:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _locked(file: Path, busy: Exception) -> int | None:
     """Open and lock the file, and return its descriptor; None where that cannot be done."""
-    if fcntl is None:
-        return None
     while True:
         try:
-            stream = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            stream = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
         except OSError:
             return None
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            take_lock(stream)
         except BlockingIOError:
             os.close(stream)
             raise busy from None

@@ -132,7 +132,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
         (["evaluate", "{new}/none.npz", "--model", "{files}/model"], "none.npz"),
         (["evaluate", "{files}/table.npz", "--model", "{files}/model", "--split", "nope"], "nope"),
         (["data", "info", "{new}/none.npz"], "none.npz: there is no such file"),
-        (["data", "generate", "sofa", "-o", "{new}/sofa.npz"], "sofa"),
+        (["data", "generate", "spaceship", "-o", "{new}/spaceship.npz"], "spaceship"),
         (["data", "generate", "chair", "-o", "{new}/chair.zip"], "chair.zip"),
         (["data", "generate", "chair", "-n", "2", "-o", "{new}/no/chair.npz"], "no/chair.npz"),
         (["database", "info", "{new}/none.kpred"], "none.kpred does not exist"),

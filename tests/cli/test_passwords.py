@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from kpred.cli.main import FAILED, main
+from kpred.cli.main import FAILED, USAGE, main
 
 ADDRESSES = [
     "postgresql://me:hunter2@127.0.0.1:1/models",
     "postgresql://127.0.0.1:1/models?user=me&password=hunter2",
     "postgresql://me:hunter2@127.0.0.1:port/models",
     "postgresql+nodriver://me:hunter2@127.0.0.1:1/models",
+    "postgresql://me:p@hunter2@127.0.0.1:1/models",
 ]
 
 
@@ -39,9 +40,18 @@ def test_no_command_prints_a_password(
         "SCAN": str(files / "scan.ply"),
     }
     more = ["--model", str(files / "model")] if words[0] in ("build", "search") else []
-    assert main(["database", *(names.get(word, word) for word in words), *more, "--json"]) == FAILED
+    for last in ("--json", "--debug"):
+        assert main(["database", *(names.get(word, word) for word in words), *more, last]) == FAILED
+        printed = capsys.readouterr()
+        assert "hunter2" not in printed.out + printed.err
+        assert "postgresql" in printed.err
+
+
+@pytest.mark.parametrize("words", [["demo", "--database"], ["plot", "catalogue"]])
+def test_wrong_use_prints_no_password(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, ADDRESSES[0]]) == USAGE
     printed = capsys.readouterr()
-    assert "hunter2" not in printed.out + printed.err
+    assert "hunter2" not in "".join((printed.out + printed.err).split())
     assert "postgresql" in printed.err
 
 

@@ -1,7 +1,11 @@
+from pathlib import Path
+
 import pytest
 
 from kpred.batch.worker import BatchSettings
+from kpred.database import Database
 from kpred.database.address import is_address, masked, without_password
+from kpred.errors import DatabaseError
 
 
 @pytest.mark.parametrize(
@@ -20,6 +24,7 @@ from kpred.database.address import is_address, masked, without_password
         ),
         ("postgresql://me@host/db", "postgresql://me@host/db", "postgresql://me@host/db"),
         ("postgresql://host:5432/db", "postgresql://host:5432/db", "postgresql://host:5432/db"),
+        ("Postgres://me:S@host/db", "Postgres://me:***@host/db", "Postgres://me@host/db"),
         ("folder/mine.kpred", "folder/mine.kpred", "folder/mine.kpred"),
     ],
 )
@@ -29,7 +34,34 @@ def test_passwords_are_neither_shown_nor_stored(address: str, shown: str, stored
         assert masked(full) == shown
         assert without_password(full) == stored
         assert masked(f"kpred database info {full} --json") == f"kpred database info {shown} --json"
-        assert is_address(full) == address.startswith("postgres")
+        assert is_address(full) == address.lower().startswith("postgres")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("mysql://me:hunter2@host/db", "mysql://me:***@host/db"),
+        ("postgre://me:hunter2@host/db", "postgre://me:***@host/db"),
+        ("postgresql://me:hunter2 hunter2@host/db", "postgresql://me:***@host/db"),
+        ("host=h password=hunter2 dbname=x", "host=h password=*** dbname=x"),
+        ("host=h password = 'hunter2 x' dbname=x", "host=h password = *** dbname=x"),
+        ("postgresql://host:5432/db: ask me@host", "postgresql://host:5432/db: ask me@host"),
+    ],
+)
+def test_passwords_of_mistyped_addresses_are_masked(text: str, shown: str) -> None:
+    assert masked(text) == shown
+
+
+@pytest.mark.parametrize(
+    "address", ["mysql://me:hunter2@host/db", "postgre://host/db", "https://host/a.kpred", "host=h dbname=x"]
+)
+def test_addresses_of_other_kinds_are_no_files(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for use in (Database.open, Database.create, Database.exists):
+        with pytest.raises(DatabaseError, match="is no address of a database; write postgresql://") as caught:
+            use(address)
+        assert "hunter2" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_batch_is_the_same_with_another_password() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -172,7 +173,7 @@ def test_only_an_address_of_the_hub_reaches_the_hub(monkeypatch: pytest.MonkeyPa
     for mistyped in ("runs/chiar", "someone/weights", "someone/weights@main", "hf:/someone/weights@main"):
         with pytest.raises(ModelError, match=f"no model folder {mistyped}"):
             load_model(mistyped)
-    for unfinished in ("hf://someone/weights", "hf://weights@main", "hf://a/b@", "hf://a/b/c@main"):
+    for unfinished in ("hf://someone/weights", "hf://weights@main", "hf://a/b@", "hf://a/b/c@main", "hf://a/b@../../x"):
         with pytest.raises(ModelError, match="hf://owner/name@revision"):
             load_model(unfinished)
     assert asked == []
@@ -189,6 +190,25 @@ def test_the_hub_out_of_reach_is_a_model_error(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(huggingface_hub, "snapshot_download", refuse)
     with pytest.raises(ModelError, match="someone/weights@main.*Hub"):
         load_model("hf://someone/weights@main")
+
+
+def test_weights_that_were_fetched_before_need_no_network(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, saved
+) -> None:
+    # The layout in which huggingface_hub keeps what it has fetched.
+    commit = "0" * 40
+    repository = tmp_path / "models--someone--weights"
+    shutil.copytree(saved[1], repository / "snapshots" / commit)
+    (repository / "refs").mkdir()
+    (repository / "refs" / "v1.0").write_text(commit)
+    from huggingface_hub import constants
+
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
+    for revision in ("v1.0", commit):
+        assert load_model(f"hf://someone/weights@{revision}").name == f"hf://someone/weights@{revision}"
+    with pytest.raises(ModelError, match="someone/weights@v2.0.*Hub"):
+        load_model("hf://someone/weights@v2.0")
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])

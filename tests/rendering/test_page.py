@@ -10,6 +10,9 @@ import pytest
 
 import kpred
 from kpred.errors import OutputError
+from kpred.fitting.object_fit import ObjectFit
+from kpred.scenes.objects import SceneObject
+from kpred.scenes.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +54,18 @@ def test_every_candidate_has_its_mesh(fit: kpred.Fit) -> None:
     rotated = fit.rotated(turn)
     np.testing.assert_allclose(rotated.candidates[1].mesh.vertices, fit.candidates[1].mesh.vertices @ turn.T)
     np.testing.assert_allclose(rotated.points, fit.points @ turn.T)
+
+
+def test_rooms_are_shown_like_fits(fit: kpred.Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scan = SceneObject("<b>chair</b>", "chair", fit.points, np.arange(len(fit.points)), "y")
+    missing = SceneObject("table_1", "table", fit.points, np.arange(len(fit.points)), "y")
+    room = kpred.SceneFit(Scene(fit.points, up="y"), (ObjectFit(scan, fit), ObjectFit(missing, error="table_1: no.")))
+    text = room._repr_html_()
+    assert "data:image/png;base64," in text and fit.source.model_id in text
+    assert "&lt;b&gt;chair" in text and "<b>" not in text and "table_1: no." in text
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", lambda place: opened.append(place) or True)
+    file = room.show(tmp_path / "room.html")
+    assert opened == [file.as_uri()] and fit.source.model_id in file.read_text()
+    with pytest.raises(OutputError):
+        room.show(tmp_path / "room.pdf")

@@ -279,6 +279,26 @@ def test_gltf_reads_nothing_outside_of_its_folder(tmp_path, uri):
         read_mesh(tmp_path / "in" / "a.gltf")
 
 
+def test_gltf_follows_links_within_its_folder_alone(tmp_path):
+    content = gltf(plain_accessors(), PLAIN) | {"buffers": [{"byteLength": len(PLAIN), "uri": "a.bin"}]}
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (folder / "a.gltf").write_text(json.dumps(content))
+    for place in (folder / "real.bin", tmp_path / "secret.bin"):
+        place.write_bytes(PLAIN)
+        (folder / "a.bin").unlink(missing_ok=True)
+        (folder / "a.bin").symlink_to(place)
+        if place.parent == folder:
+            check(folder / "a.gltf")
+    with pytest.raises(MeshError, match="lies outside of its folder"):
+        read_mesh(folder / "a.gltf")
+    # Stores of files by their content: both are links into one folder.
+    (tmp_path / "b.gltf").write_text(json.dumps(content))
+    (folder / "a.gltf").unlink()
+    (folder / "a.gltf").symlink_to(tmp_path / "b.gltf")
+    check(folder / "a.gltf")
+
+
 @pytest.mark.parametrize(("component", "dtype"), [(5120, "i1"), (5121, "u1"), (5122, "<i2"), (5123, "<u2")])
 def test_normalised_integers_are_fractions(tmp_path, component, dtype):
     top = np.iinfo(dtype).max

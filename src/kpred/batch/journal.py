@@ -9,7 +9,6 @@ a/name.json, .ply   record and mesh of each scan of a small batch, as a/name.* l
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
@@ -23,6 +22,7 @@ from kpred.batch.task import Task
 from kpred.database.address import without_password
 from kpred.errors import ManifestError, OutputError
 from kpred.json_output import write_json
+from kpred.locks import take_lock
 
 _UNFINISHED = re.compile(r"\..+\.\d+\.[0-9a-f]{8}\.\w+")
 """Names of files that are being written (`kpred.atomic`)."""
@@ -48,7 +48,7 @@ class Journal:
         except OSError as error:
             raise OutputError(f"Cannot write into {folder}: {error.strerror}; choose another folder.") from error
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            take_lock(self._lock.fileno())
         except OSError as error:
             self._lock.close()
             raise ManifestError(

@@ -81,7 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.code if isinstance(error.code, int) else OK if error.code is None else FAILED
     except Exception as error:
         if debug:
-            traceback.print_exc()
+            print(_traceback(), file=sys.stderr, end="")
         else:
             print(f"kpred: {_sentence(error)}", file=sys.stderr)
         return USAGE if isinstance(error, UsageError) else FAILED
@@ -124,13 +124,16 @@ def _run(name: str, words: list[str]) -> int:
         summary = _summary(found)
     kind = found
     start: Any = module.default(kind, words) if hasattr(module, "default") else None
-    command: Command = tyro.cli(
-        kind,
-        prog=f"kpred {name}",
-        args=words,
-        default=start,
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )
+    shown = [masked(word) for word in words]
+    # Messages about wrong use repeat the words: they see the masked ones first.
+    for given in [words] if shown == words else [shown, words]:
+        command: Command = tyro.cli(
+            kind,
+            prog=f"kpred {name}",
+            args=given,
+            default=start,
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
     output = Output(as_json=command.json, command=line)
     with reported_compilation(output.caution) if command.compiles else nullcontext():
         command.run(output)
@@ -147,6 +150,13 @@ def _summary(found: Group | type[Command]) -> str:
 def _no_word(word: str) -> bool:
     """Test whether an argument is an option or a path, not a misspelt command."""
     return word.startswith("-") or "." in word or os.sep in word or os.path.exists(word)
+
+
+def _traceback() -> str:
+    """Format the error that is handled, without the passwords of addresses."""
+    from kpred.database.address import masked
+
+    return masked(traceback.format_exc())
 
 
 def _sentence(error: Exception) -> str:
@@ -177,8 +187,9 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     from kpred.cli.output import printable
+    from kpred.database.address import masked
 
-    print(f"kpred: warning: {printable(' '.join(str(message).split()))}", file=sys.stderr)
+    print(f"kpred: warning: {printable(masked(' '.join(str(message).split())))}", file=sys.stderr)
 
 
 def _help() -> str:

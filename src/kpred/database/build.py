@@ -16,15 +16,13 @@ from kpred.database.database import Database
 from kpred.database.encode import prepare_mesh
 from kpred.database.encoders import Batch, Encoder, ProcessEncoder, SerialEncoder
 from kpred.database.entry import APPEARANCE, Entry
+from kpred.database.fingerprint import CONTENT
 from kpred.errors import DatabaseError, MeshError
 from kpred.locks import exclusive
 from kpred.nn import KPRed
 from kpred.nn.model import network_of
 from kpred.shapes.mesh import Mesh, clean_mesh_rows, mesh_hash
 from kpred.shapes.source import Shape
-
-CONTENT = "content"
-"""Name, in a model's metadata, of the hash of its mesh."""
 
 
 @dataclass

@@ -87,10 +87,12 @@ class PostgresBackend:
             DatabaseError: the address is none, the server cannot be reached, or its tables cannot be used.
         """
         # A path in between has made one slash of two.
-        written = re.sub(r"^postgres(ql)?(\+\w+)?:/+", "postgresql+psycopg://", os.fspath(address))
+        written = re.sub(r"(?i)^postgres(ql)?(\+\w+)?:/+", "postgresql+psycopg://", os.fspath(address))
         try:
             url = make_url(written)
             self.path = masked(written).replace("+psycopg", "", 1)
+            if "@" in (url.host or ""):  # Messages of the driver would show what stands before it.
+                raise DatabaseError(f"{masked(address)}: the password holds an @; write %40 for it.")
             arguments = {"connect_timeout": max(1, round(timeout))}
             if "options" not in url.query:
                 arguments["options"] = "-c search_path=kpred,public"  # type: ignore[assignment]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,24 @@ class SceneFit:
         if not self.fitted:
             raise OutputError(f"Cannot write {file}: no object of the scene was fitted, so it would be empty.")
         write_mesh(file, self.glb_scene())
+
+    def show(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the report of the room, open it in the browser, and return its file.
+
+        Args:
+            path: of the page (.html); None makes a temporary file.
+
+        Raises:
+            OutputError: another extension, or the file cannot be written there.
+        """
+        # Reports and pictures stand on higher floors: loaded by name, and only when needed.
+        shown: Path = import_module("kpred.reports.room_report").show_room(self, path)
+        return shown
+
+    def _repr_html_(self) -> str:
+        """Return what notebooks show: the picture and a table of the objects as HTML."""
+        html: str = import_module("kpred.rendering.page").room_html(self)
+        return html
 
     def to_csv(self, path: str | os.PathLike[str], pool: Sequence[AlignedModel] | None = None) -> None:
         """Write the alignments as Scan2CAD's benchmark reads them (`kpred.scenes.scan2cad.write_csv`).

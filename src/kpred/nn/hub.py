@@ -26,7 +26,7 @@ def fetch_from_hub(address: str) -> Path:
         ModelError: the address has another form, or nothing could be fetched.
     """
     found = _ADDRESS.fullmatch(address)
-    if found is None:
+    if found is None or ".." in found["revision"].split("/"):
         raise ModelError(f"{address} is no address of weights on the Hub; write hf://owner/name@revision.")
     try:
         from huggingface_hub import snapshot_download

@@ -66,7 +66,7 @@ def save_weights(
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             save_file(tensors, Path(scratch) / WEIGHTS_FILE)
-            (Path(scratch) / CONFIG_FILE).write_text(json.dumps(config, indent=2) + "\n")
+            (Path(scratch) / CONFIG_FILE).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
             # Safetensors makes private files; a plain one has the mode of the user's umask.
             os.chmod(Path(scratch) / WEIGHTS_FILE, (Path(scratch) / CONFIG_FILE).stat().st_mode)
             for name in (WEIGHTS_FILE, CONFIG_FILE):
@@ -93,7 +93,7 @@ def _build(folder: Path, build: Callable[[dict[str, Any]], Network], shapes: dic
     """Make the network of a config whose sizes are those of the weights."""
     file = folder / CONFIG_FILE
     try:
-        values = json.loads(file.read_text())
+        values = json.loads(file.read_text(encoding="utf-8"))
         if not isinstance(values, dict):
             raise ConfigError("this is not a kpred model config; train or copy it again.")
         # No setting of an architecture counts more than the weights' longest side and number of tensors do.

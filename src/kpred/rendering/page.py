@@ -6,14 +6,16 @@ import base64
 import os
 import tempfile
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from kpred.atomic import atomic_path
 from kpred.errors import OutputError
+from kpred.fitting.fit_scene import SceneFit
 from kpred.rendering.picture import save_picture
+from kpred.rendering.scene_picture import save_scene_picture
 
 CANDIDATES = 5
 """Candidates that are listed."""
@@ -57,11 +59,26 @@ def fit_html(fit: _Shown) -> str:
         (str(rank), one.model_id, f"{one.score:.2f}", one.step) for rank, one in enumerate(fit.candidates[:CANDIDATES])
     ]
     warnings = "".join(f"<li>{escape(sentence)}</li>" for sentence in fit.warnings)
+    pictured: Any = fit
+    drawn = _drawn(lambda file: save_picture(pictured, fit.points, file), "scan, retrieved model, result")
     return (
-        f'<div style="{_STYLE[0]}">{_picture(fit)}{_table(rows)}'
+        f'<div style="{_STYLE[0]}">{drawn}{_table(rows)}'
         + (f"<ul>{warnings}</ul>" if warnings else "")
         + f"<p>Candidates, best first</p>{_table([('', 'model', 'score', 'change'), *others])}</div>"
     )
+
+
+def room_html(room: SceneFit) -> str:
+    """Return a fragment of HTML with the picture of a room and its objects; it needs nothing else."""
+    rows: list[tuple[str, str, str, str]] = [("object", "model", "category", "confidence")]
+    for item in room.fits:
+        if item.fit is None:
+            rows.append((item.object.name, "", "", item.error or ""))
+        else:
+            fit = item.fit
+            rows.append((item.object.name, fit.source.model_id, fit.category, f"{fit.confidence:.2f}"))
+    drawn = _drawn(lambda file: save_scene_picture(room, file), "the scan, and its CAD models")
+    return f'<div style="{_STYLE[0]}">{drawn}{_table(rows)}</div>'
 
 
 def show_fit(fit: _Shown, path: str | os.PathLike[str] | None = None) -> Path:
@@ -86,13 +103,14 @@ def show_fit(fit: _Shown, path: str | os.PathLike[str] | None = None) -> Path:
     return file
 
 
-def _picture(fit: Any) -> str:
+def _drawn(save: Callable[[Path], bool], description: str) -> str:
+    """Return a picture as HTML; nothing where none can be drawn."""
     with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
-        file = Path(folder) / "fit.png"
-        if not save_picture(fit, fit.points, file):
+        file = Path(folder) / "picture.png"
+        if not save(file):
             return ""
         data = base64.b64encode(file.read_bytes()).decode()
-    return f'<img alt="scan, retrieved model, result" style="width:100%" src="data:image/png;base64,{data}">'
+    return f'<img alt="{description}" style="width:100%" src="data:image/png;base64,{data}">'
 
 
 def _table(rows: Sequence[Sequence[str]]) -> str:

@@ -67,6 +67,12 @@ def check_file(path: Path, error_type: type[KpredError], kind: str = "file") -> 
         raise error_type(f"{path}: it is a pointer of Git LFS, not the file itself; fetch it by `git lfs pull`.")
 
 
+def leads_outside(file: Path, owner: Path) -> bool:
+    """Test whether links lead a file that `owner` names out of the folder of `owner`, as it is or as it is linked."""
+    place = file.resolve()
+    return not any(place.is_relative_to(folder) for folder in (owner.parent.resolve(), owner.resolve().parent))
+
+
 def _reason(error: Exception) -> str:
     """Return the first line of an error's text, shortened."""
     lines = str(error).splitlines()

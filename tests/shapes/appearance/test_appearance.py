@@ -2,11 +2,13 @@
 
 import io
 import json
+import struct
 import zipfile
 
 import numpy as np
 import pytest
 
+from kpred.errors import MeshError
 from kpred.shapes import read_mesh
 from kpred.shapes.appearance.appearance import Appearance
 from kpred.shapes.appearance.read import read_mesh_appearance
@@ -200,7 +202,9 @@ def test_missing_materials_and_textures_do_not_cost_the_model(tmp_path, textured
 
 def test_files_outside_of_the_folder_are_not_read(tmp_path, textured_obj):
     (tmp_path / "secret.png").write_bytes(b"secret")
-    (textured_obj.parent / "chair.mtl").write_text("newmtl fabric\nmap_Kd ../secret.png\nmap_Ks /etc/hostname\n")
+    (textured_obj.parent / "linked.png").symlink_to(tmp_path / "secret.png")
+    materials = "newmtl fabric\nmap_Kd ../secret.png\nmap_Ks /etc/hostname\nmap_Ka linked.png\n"
+    (textured_obj.parent / "chair.mtl").write_text(materials)
     appearance = read_mesh_appearance(textured_obj)[1]
     assert set(appearance.files) == {"model.obj", "model.mtl"}
 
@@ -258,3 +262,60 @@ def test_files_of_a_foreign_database_lie_in_no_folder(textured_obj, name):
         archive.writestr(name, b"evil")
     with pytest.raises(ValueError, match="a file in a folder"):
         Appearance.unpack(stream.getvalue())
+
+
+def _changed(path, change):
+    """The GLB with its JSON changed."""
+    data = path.read_bytes()
+    size = struct.unpack("<I", data[12:16])[0]
+    content = json.loads(data[20 : 20 + size])
+    change(content)
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + size :]
+    path.write_bytes(b"glTF" + struct.pack("<III", 2, 20 + len(text) + len(rest), len(text)) + b"JSON" + text + rest)
+    return path
+
+
+def _mirror(content):
+    for node in content["nodes"]:
+        if node.get("name") == "back":
+            node["matrix"] = (np.array(node["matrix"]).reshape(4, 4) * [[-1], [1], [1], [1]]).ravel().tolist()
+
+
+def _animate(content):
+    """A skin, and a morph target that makes the seat half as large again."""
+    node = next(node for node in content["nodes"] if node.get("name") == "seat")
+    mesh = content["meshes"][node["mesh"]]
+    mesh["weights"], node["skin"], content["skins"] = [0.5], 0, [{"joints": [0]}]
+    attributes = mesh["primitives"][0]["attributes"]
+    mesh["primitives"][0]["targets"] = [{"POSITION": attributes["POSITION"]}]
+    attributes |= {"JOINTS_0": attributes["POSITION"], "WEIGHTS_0": attributes["POSITION"]}
+
+
+@pytest.mark.parametrize("change", [_mirror, _animate], ids=["negative scale", "skin and morph target"])
+def test_mirrored_nodes_and_animated_meshes_keep_surface_names_and_uvs(tmp_path, textured_glb, change):
+    before = glb_content(textured_glb)
+    mesh, appearance = read_mesh_appearance(_changed(textured_glb, change))
+    out = write(tmp_path / "out", appearance, mesh.vertices, mesh.vertices * np.float32(1.1), "b.glb")
+    written = read_mesh(out)
+    np.testing.assert_allclose(written.vertices, mesh.vertices * np.float32(1.1), atol=1e-6)
+    # The same side is outside: a mirrored box has a positive volume too.
+    corners = written.vertices[written.faces].astype(float)
+    assert np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0
+    after = glb_content(out)
+    assert after[1] == before[1] and after[2] == before[2]
+    for old, new in zip(before[5], after[5], strict=True):
+        np.testing.assert_array_equal(new["TEXCOORD_0"], old["TEXCOORD_0"])
+        assert set(new) == {"POSITION", "NORMAL", "TEXCOORD_0"}
+    assert not any("skin" in node for node in read_gltf_file(out).content["nodes"])
+
+
+def test_nodes_in_a_circle_are_one_sentence(textured_glb):
+    def change(content):
+        child = next(number for number, node in enumerate(content["nodes"]) if node.get("name") == "seat")
+        content["nodes"][child]["children"] = [content["scenes"][0]["nodes"][0]]
+
+    with pytest.raises(MeshError, match="node") as failure:
+        read_mesh_appearance(_changed(textured_glb, change))
+    assert "\n" not in str(failure.value)

@@ -32,8 +32,14 @@ MODULES = (
 )
 """Modules of `infinigen.assets.objects` that hold the factories."""
 
-LONG = ("TableDiningFactory", "CoffeeTableFactory")
+LONG = (
+    *("TableDiningFactory", "CoffeeTableFactory"),
+    *("PanelDoorFactory", "GlassPanelDoorFactory", "LiteDoorFactory", "LouverDoorFactory", "WindowFactory"),
+)
 """Made with their long side along the front's direction; here the long side is the front."""
+
+UNITS = {"ToasterFactory": 0.1}
+"""Metres of a unit, where it is another."""
 
 SIMPLE = 60
 """Pieces of no more triangles than this keep them all."""
@@ -73,6 +79,7 @@ def make(factory: str, seed: int, max_faces: int):  # type: ignore[no-untyped-de
     points = points[:, [1, 2, 0]]
     if factory in LONG:
         points = points[:, [2, 1, 0]] * [1, 1, -1]
+    points = points * UNITS.get(factory, 1.0)
     low, high = points.min(0), points.max(0)
     points = points - [(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2]
     return points.astype(np.float32), triangles.astype(np.int32)

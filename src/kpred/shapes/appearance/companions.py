@@ -1,10 +1,12 @@
-"""Files that a mesh file names (materials, textures): found beside it or below, and nowhere else."""
+"""Files that a mesh file names (materials, textures): found beside it or below, and nowhere else, by no link."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import unquote
+
+from kpred.shapes.reading import leads_outside
 
 MAX_BYTES = 1 << 26
 """Larger files are left out."""
@@ -20,7 +22,7 @@ def find_companion(mesh: Path, names: Iterable[str]) -> tuple[str, bytes] | None
         # Absolute paths of another machine often end in the name of a file that is here.
         for file in (mesh.parent / relative, mesh.parent / relative.name):
             try:
-                if file.is_file() and file.stat().st_size <= MAX_BYTES:
+                if file.is_file() and file.stat().st_size <= MAX_BYTES and not leads_outside(file, mesh):
                     return relative.name, file.read_bytes()
             except OSError:
                 continue

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from kpred.errors import MeshError
-from kpred.shapes.reading import check_file
+from kpred.shapes.reading import check_file, leads_outside
 
 _MAGIC = b"glTF"
 _JSON, _BINARY = b"JSON", b"BIN\0"
@@ -200,7 +200,8 @@ def _beside(uri: str, path: Path) -> bytes:
         raise MeshError(f"{path}: its data lies at {uri[:60]}, which is not read; export it as one .glb.")
     for name in dict.fromkeys((unquote(uri), uri, unquote(uri).replace("\\", "/"))):
         relative = Path(name)
-        if relative.is_absolute() or ".." in relative.parts or "\0" in name:
+        is_far = relative.is_absolute() or ".." in relative.parts or "\0" in name
+        if is_far or (len(name) < 1024 and leads_outside(path.parent / relative, path)):
             raise MeshError(f"{path}: its data ({name[:60]!r}) lies outside of its folder; export it as one .glb.")
         if len(name) < 1024 and (path.parent / relative).exists():
             check_file(path.parent / relative, MeshError)

@@ -15,7 +15,7 @@ _MIN_HEADER = 227
 _LAST_OLD_FORMAT = 5
 """Up to it, class and flags of a point share one byte."""
 
-_NOISE = (7, 18)
+NOISE = (7, 18)
 """Classes of points that are errors: below the ground, in the air."""
 
 
@@ -35,7 +35,7 @@ def las_points(path: Path) -> Iterator[np.ndarray]:
         if header[25] >= 4 and len(header) >= 255:
             count = struct.unpack_from("<Q", header, 247)[0] or count
         if kind & 0xC0:
-            raise ScanError(f"{path}: its points are compressed (LAZ); save it as LAS without compression, or as .ply.")
+            raise ScanError(f"{path}: its points are compressed (LAZ); name it .laz, or save it as .ply.")
         scale, offset = np.array(struct.unpack_from("<6d", header, 131)).reshape(2, 3)
         if width < 20 or not np.isfinite([scale, offset]).all() or not (scale != 0).all():
             raise ScanError(f"{path}: its LAS header is damaged; export the scan again.")
@@ -56,5 +56,5 @@ def _is_valid(records: np.ndarray, kind: int) -> np.ndarray:
         classes, withheld = records[:, 15] & 31, records[:, 15] & 128
     else:
         classes, withheld = records[:, 16], records[:, 15] & 4
-    found: np.ndarray = ~np.isin(classes, _NOISE) & (withheld == 0)
+    found: np.ndarray = ~np.isin(classes, NOISE) & (withheld == 0)
     return found
