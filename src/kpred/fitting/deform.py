@@ -156,7 +156,7 @@ class _Work:
 
         def finish(place: int) -> Explanation:
             row = int(ahead[place])
-            full = self._structured(row, self.config, self._begin(row))
+            full = self._structured(row, self.config.final(), self._begin(row), quick[row].points)
             return min([*undeformed[row], full], key=lambda one: one.score)
 
         found = [replace(one, final=False) for one in best]
@@ -171,9 +171,11 @@ class _Work:
             return begun
         return self.start[row]
 
-    def _structured(self, row: int, config: StructureConfig, start: np.ndarray) -> Explanation:
+    def _structured(
+        self, row: int, config: StructureConfig, start: np.ndarray, matched: np.ndarray | None = None
+    ) -> Explanation:
         model = self.models[row]
-        found = fit_structure(model, start, self.evidence, config)
+        found = fit_structure(model, start, self.evidence, config, matched)
         moved = model.moved(found)
         one = self._explanation(
             row, "structure", lambda points: found(points.points, points.parts), moved, self.placements[row].fitted

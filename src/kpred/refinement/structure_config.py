@@ -48,3 +48,7 @@ class StructureConfig:
     def quick(self) -> StructureConfig:
         """Reduce to the few rounds, with half of the points, by which finalists are found."""
         return replace(self, iterations=max(1, self.iterations // 3), points=max(1, self.points // 2))
+
+    def final(self) -> StructureConfig:
+        """Reduce to the rounds that are left after those of `quick`."""
+        return replace(self, iterations=max(1, self.iterations - self.quick().iterations))

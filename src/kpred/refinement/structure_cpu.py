@@ -38,14 +38,14 @@ def fit_rounds(
     limits, spans, slopes, can_lean, can_bend, end_axis, end_inside, end_column, end_factor, flush, feet, floor, rounds,
     robust, minimum, lean_gain, solution, moved,
 ):  # fmt: skip
-    """Fill `solution` (3, U) and `moved` (N, 3); points are sorted by part.
+    """Fill `solution` (3, U), and `moved` (N, 3), where the points are first matched; points are sorted by part.
 
     Args:
         spline: (3, K, N), own: (3, 4, N) columns. bounds: (C + 1,) first point of each part; group: (C,).
         boxes: (C, 13) own axes (9), longest first, middle (3), and 1 for parts that are oblique.
         lean_axis: (C, 3); can_lean: (G, 3) 0 for leans that symmetry forbids, 1 for those that need evidence, 2 free;
             can_bend: (G, 3).
-        points, start: (N, 3) at the source, and where the first matches are taken.
+        points, start: (N, 3) at the source, and where those that are not seen are held.
         across: (N, 3) weight of a match along each axis; facing: (N,) axis that the surface faces.
         visible: (N,) how surely each was seen; held: (N,) weight of staying at `start`.
         goal: (M, 3); stiff: (3, U, U); growth: (C, 3, U) of each part; limits: (C, 3, 3) lowest and highest growth, and
@@ -66,9 +66,6 @@ def fit_rounds(
     weights = np.where(end_inside == 0.0, flush, 0.0)
     last = last_rounds(rounds)
     seen = seen_points(visible)
-    for i in range(count):
-        for axis in range(3):
-            moved[i, axis] = start[i, axis]
     for iteration in range(rounds):
         match(moved, facing, iteration >= last, goal, visible, seen, iteration % 2, robust, minimum, wanted)
         if iteration >= last:

@@ -184,11 +184,13 @@ def fit_structure(
     start: Float[np.ndarray, "points 3"],
     evidence: Evidence,
     config: StructureConfig,
+    matched: Float[np.ndarray, "points 3"] | None = None,
 ) -> StructureMap:
     """Fit the unknowns of one model to a scan.
 
     Args:
-        start: (N, 3) where the model's points are when they are first matched, and where unseen ones are held.
+        start: (N, 3) where unseen points of the model are held.
+        matched: (N, 3) where its points are when they are first matched; at `start` if it is None.
     """
     basis = model.basis
     step = max(1, len(model.points) // config.points)
@@ -197,7 +199,7 @@ def fit_structure(
     seen = evidence.visible(place + OUTSIDE * model.normals[columns.order])
     stiff = basis.stiff + config.thickness * _thickness(model, columns, seen, evidence.spacing)
     solution = np.zeros((3, basis.unknowns))
-    moved = np.empty_like(columns.points)
+    moved = np.ascontiguousarray((start if matched is None else matched)[columns.order], dtype=np.float32)
     weight = 0.0 if evidence.floor is None else config.floor
     # A point above a sole stays as far above the floor.
     floor = (0.0 if evidence.floor is None else evidence.floor) + model.heights[columns.order]

@@ -139,7 +139,6 @@ def fit_rounds_reference(
     steps, last = _end_rows(end_axis, end_column, end_factor, stiff.shape[1]), rounds * 2 // 3
     is_flush = end_inside == 0.0
     tied = np.where(is_flush, flush, 0.0)
-    moved[:] = start
     for number in range(rounds):
         sides = facing if number >= last else None
         wanted, weight = match_reference(moved, goal, visible, number % 2, robust, minimum, sides)
