@@ -54,27 +54,22 @@ def inner_ends(
 
     The spline moves both ends of a pair alike, so the parts' own unknowns decide.
     """
-    axes, insides, columns, factors = [], [], [], []
     pairs = structure.contact_parts[::2]
-    for axis in range(3):
-        direction = sign if axis == 0 else np.ones(len(sign))
-        low, high = (middle - half)[:, axis], (middle + half)[:, axis]
-        for first, second in np.concatenate([pairs, pairs[:, ::-1]]):
-            contained = low[first] > low[second] - FLUSH and high[first] < high[second] + FLUSH
-            for side, ends in ((-1.0, low), (1.0, high)):
-                step = ends[first] - ends[second]
-                is_flush = abs(step) < FLUSH
-                # A flush pair is listed once.
-                if (is_flush and first < second) or (contained and not is_flush):
-                    axes.append(axis)
-                    insides.append(0.0 if is_flush else step)
-                    columns.append([move[first], move[first] + 1, move[second], move[second] + 1])
-                    factors.append([direction[first], side, -direction[second], -side])
+    first, second = np.concatenate([pairs, pairs[:, ::-1]]).T
+    ends = np.stack([middle - half, middle + half], axis=2)
+    step = ends[first] - ends[second]
+    is_flush = np.abs(step) < FLUSH
+    contained = (step[:, :, 0] > -FLUSH) & (step[:, :, 1] < FLUSH)
+    # A flush pair is listed once.
+    listed = np.where(is_flush, (first < second)[:, None, None], contained[:, :, None])
+    axis, pair, side = np.nonzero(listed.transpose(1, 0, 2))
+    one, other, outward = first[pair], second[pair], 2.0 * side - 1.0
+    direction = np.where((axis == 0)[:, None], sign[np.stack([one, other], axis=1)], 1.0)
     return InnerEnds(
-        np.array(axes, np.int64),
-        np.array(insides, np.float64),
-        np.array(columns, np.int64).reshape(-1, 4),
-        np.array(factors, np.float64).reshape(-1, 4),
+        axis.astype(np.int64),
+        np.where(is_flush, 0.0, step)[pair, axis, side],
+        np.stack([move[one], move[one] + 1, move[other], move[other] + 1], axis=1).astype(np.int64),
+        np.stack([direction[:, 0], outward, -direction[:, 1], -outward], axis=1),
     )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from kpred.ops.typing import Float, Int
 from kpred.refinement.joints import InnerEnds, contact_weights, inner_ends, joint_weights
+from kpred.refinement.structure_columns_cpu import fill_chords, fill_own, fill_spline
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.structure import Structure
 
@@ -80,22 +81,20 @@ class StructureBasis:
     ) -> tuple[Float[np.ndarray, "3 controls points"], Float[np.ndarray, "3 kinds points"]]:
         """Compute the columns of f, and those of t, s, l and b, for points of the given parts; float32."""
         spline = np.empty((3, self.controls, len(points)), np.float32)
-        for axis in range(3):
-            spline[axis] = self._chords(points[:, axis], parts, axis, self._spline(points[:, axis], parts, axis)).T
-        return spline, self._own(points, parts)
+        boxes = (self.middle, self.half, self.structure.ends_only)
+        place, of = np.ascontiguousarray(points, dtype=np.float64), np.asarray(parts, np.int64)
+        fill_chords(place, of, self.low, self.high, *boxes, self._ranges, spline)
+        return spline, self._own(place, of)
+
+    @property
+    def _ranges(self) -> np.ndarray:
+        """Affine ranges (R, 4) of parts along axes."""
+        return np.asarray(self.structure.affine_ranges, np.float64).reshape(-1, 4)
 
     def _own(self, points: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """Compute the columns (3, KINDS, N) of the parts' own unknowns."""
-        local = (points - self.middle[parts]) / self.half[parts]
-        mirrored = local.copy()
-        mirrored[:, 0] *= self.sign[parts]
-        own = np.ones((3, KINDS, len(points)), np.float32)
-        own[:, 1] = mirrored.T
-        along = np.take_along_axis(mirrored, self.lean_axis[parts], axis=1).T
-        own[:, 2] = along
-        own[:, 3] = along**2 - 1 / 3
-        # Along x, parts that mirror each other move against each other.
-        own[0] *= self.sign[parts]
+        own = np.empty((3, KINDS, len(points)), np.float32)
+        fill_own(points, parts, self.middle, self.half, self.sign, self.lean_axis, own)
         return own
 
     def rows(
@@ -106,55 +105,15 @@ class StructureBasis:
         Where a part follows f at its ends alone, here it follows f itself: parts may slide along one another as f takes
         them.
         """
-        own = self._own(points, parts)
-        found = np.zeros((3, len(points), self.controls + KINDS * (int(self.group.max()) + 1)))
-        for axis in range(3):
-            found[axis, :, : self.controls] = self._spline(points[:, axis], parts, axis)
-        index = np.arange(len(points))
+        place, of = np.ascontiguousarray(points, dtype=np.float64), np.asarray(parts, np.int64)
+        own, spline = self._own(place, of), np.empty((3, len(place), self.controls))
+        fill_spline(place, of, self.low, self.high, self._ranges, spline)
+        found = np.zeros((3, len(place), self.controls + KINDS * (int(self.group.max()) + 1)))
+        found[:, :, : self.controls] = spline
+        index = np.arange(len(place))
         for kind in range(KINDS):
-            found[:, index, self.controls + KINDS * self.group[parts] + kind] = own[:, kind]
+            found[:, index, self.controls + KINDS * self.group[of] + kind] = own[:, kind]
         return found
-
-    def _spline(self, place: np.ndarray, parts: np.ndarray, axis: int) -> np.ndarray:
-        """Compute the weights (N, K) of the controls; between the ends of affine ranges, interpolated."""
-        low, high = float(self.low[axis]), float(self.high[axis])
-        found = spline_weights(place, low, high, self.controls)
-        for part, along, first, last in self.structure.affine_ranges:
-            if int(along) != axis:
-                continue
-            inside = np.flatnonzero((parts == int(part)) & (place >= first) & (place <= last))
-            if len(inside) and last > first:
-                ends = spline_weights(np.array([first, last]), low, high, self.controls)
-                fraction = ((place[inside] - first) / (last - first))[:, None]
-                found[inside] = (1 - fraction) * ends[0] + fraction * ends[1]
-        return found
-
-    def _chords(self, place: np.ndarray, parts: np.ndarray, axis: int, weights: np.ndarray) -> np.ndarray:
-        """Interpolate the weights of parts that have vertices at their ends alone."""
-        found, low, high = weights.copy(), self.middle - self.half, self.middle + self.half
-        everyone = np.arange(len(self.middle))
-        ends = [self._spline(side[:, axis], everyone, axis) for side in (low, high)]
-        mine = np.flatnonzero(self.structure.ends_only[parts, axis])
-        part = parts[mine]
-        fraction = ((place[mine] - low[part, axis]) / (2 * self.half[part, axis]))[:, None]
-        found[mine] = (1 - fraction) * ends[0][part] + fraction * ends[1][part]
-        return found
-
-
-def spline_weights(
-    place: Float[np.ndarray, " points"], low: float, high: float, controls: int
-) -> Float[np.ndarray, "points controls"]:
-    """Compute the weights of a uniform quadratic B-spline's controls; outside the range its end pieces go on."""
-    cells = controls - 2
-    at = (np.asarray(place, dtype=np.float64) - low) / max(high - low, 1e-9) * cells
-    cell = np.clip(np.floor(at), 0, cells - 1)
-    f = at - cell
-    found = np.zeros((len(at), controls))
-    rows, first = np.arange(len(at)), cell.astype(int)
-    found[rows, first] = (1 - f) ** 2 / 2
-    found[rows, first + 1] = 0.5 + f - f**2
-    found[rows, first + 2] = f**2 / 2
-    return found
 
 
 def structure_basis(structure: Structure, config: StructureConfig) -> StructureBasis:
@@ -176,46 +135,45 @@ def structure_basis(structure: Structure, config: StructureConfig) -> StructureB
     parts = np.arange(structure.parts)
     growth = (bare.rows(corners[:, 1], parts) - bare.rows(corners[:, 0], parts)).transpose(1, 0, 2)
     growth[:, :, config.controls + 2 :: KINDS] = 0.0
-    stiff = np.stack([_stiffness(bare, axis, config) for axis in range(3)])
-    return replace(bare, stiff=stiff, growth=growth)
+    return replace(bare, stiff=_stiffness(bare, config), growth=growth)
 
 
-def _stiffness(basis: StructureBasis, axis: int, config: StructureConfig) -> np.ndarray:
-    """Build the stiffness (U, U) of one axis."""
+def _stiffness(basis: StructureBasis, config: StructureConfig) -> np.ndarray:
+    """Build the stiffness (3, U, U)."""
     structure, controls, size = basis.structure, basis.controls, basis.unknowns
     second = np.diff(np.eye(controls), 2, axis=0)
-    stiff = np.zeros((size, size))
-    stiff[:controls, :controls] = config.smoothness * second.T @ second + config.ridge * np.eye(controls)
+    stiff = np.zeros((3, size, size))
+    stiff[:, :controls, :controls] = config.smoothness * second.T @ second + config.ridge * np.eye(controls)
     own = np.arange(controls, size)
-    stiff[own, own] = config.part_ridge
+    stiff[:, own, own] = config.part_ridge
     for part in range(structure.parts):
         grow = controls + KINDS * basis.group[part] + 1
-        stiff[grow, grow] += config.growth_ridge / basis.half[part, axis] ** 2
-        stiff[grow + 2, grow + 2] += config.bend_ridge
+        stiff[:, grow, grow] += config.growth_ridge / basis.half[part] ** 2
+        stiff[:, grow + 2, grow + 2] += config.bend_ridge
     if len(structure.contact_points):
-        rows = [basis.rows(structure.contact_points, structure.contact_parts[:, side])[axis] for side in (0, 1)]
-        gap = rows[0] - rows[1]
-        weight = contact_weights(structure, config)[:, axis]
-        stiff += gap.T @ (weight[:, None] * gap)
-        middle = (gap[::2] + gap[1::2]) / 2
-        pin = joint_weights(structure, basis.half, basis.lean_axis, config)[:, axis]
-        stiff += middle.T @ (pin[:, None] * middle)
+        first, second_part = structure.contact_parts.T
+        gap = basis.rows(structure.contact_points, first) - basis.rows(structure.contact_points, second_part)
+        weight = contact_weights(structure, config).T
+        stiff += gap.transpose(0, 2, 1) @ (weight[:, :, None] * gap)
+        middle = (gap[:, ::2] + gap[:, 1::2]) / 2
+        pin = joint_weights(structure, basis.half, basis.lean_axis, config).T
+        stiff += middle.transpose(0, 2, 1) @ (pin[:, :, None] * middle)
     feet = np.flatnonzero(basis.standing)
-    if axis == 1 and len(feet) > 1:
+    if len(feet) > 1:
         soles = basis.rows((basis.middle - basis.half)[feet], feet)[1]
         soles[:, controls + 2 :: KINDS] = soles[:, controls + 3 :: KINDS] = 0.0
         level = soles[1:] - soles[:1]
-        stiff += LEVEL * level.T @ level
-    if axis == 0 and np.isfinite(structure.mirror):
+        stiff[1] += LEVEL * level.T @ level
+    if np.isfinite(structure.mirror):
         # Odd up to a shift of everything: alpha_k + alpha_(K-1-k) is the same for all k.
         even = np.zeros((controls // 2, size))
         for k in range(controls // 2):
             even[k, [k, controls - 1 - k]] = 1.0
         difference = np.diff(even, axis=0)
-        stiff += RIGID * difference.T @ difference
+        stiff[0] += RIGID * difference.T @ difference
         # What is its own mirror image does not move by itself.
         moves = controls + KINDS * basis.group[structure.mirrored_parts == np.arange(structure.parts)]
-        stiff[moves, moves] += RIGID
+        stiff[0, moves, moves] += RIGID
     return stiff
 
 
