@@ -18,7 +18,7 @@ from kpred.synthetic.generator import generate
 
 @pytest.fixture(scope="module")
 def search() -> Search:
-    return Search(resolve_model(None), resolve_database(None), top_k=3, frame_known=False)
+    return Search(resolve_model(None), resolve_database(None), top_k=3, retrieved=3, frame_known=False)
 
 
 @pytest.fixture(scope="module")

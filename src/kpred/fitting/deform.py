@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from kpred.ops.worksharing import parallel_for
 from kpred.refinement.config import Deform as Deform
 from kpred.refinement.config import RefineConfig
 from kpred.refinement.placement import Placement, fit_placement
-from kpred.refinement.score import COSTS, Step, distances, spacing
+from kpred.refinement.score import COSTS, Distances, Step, distances, spacing
 from kpred.refinement.score_cpu import squared_diagonal
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_fit import OUTSIDE, Evidence, fit_structure
@@ -61,6 +62,7 @@ def deform_candidates(
     *,
     refinement: RefineConfig | None = None,
     structure: StructureConfig | None = None,
+    top_k: int | None = None,
     floor: float | None = None,
     unit: float | None = None,
 ) -> Deformed:
@@ -69,17 +71,26 @@ def deform_candidates(
     Args:
         candidates: retrieved; visibility: of places around the scan; floor: its height, scan's unit box.
         refinement: of keypoints, for `free`; structure: settings of the structure-keeping fit.
+        top_k: deform so many of them, half of them the first, the others those that a sketch of the deformation brings
+            nearest to the scan; None: all.
         unit: half the longest side of the scan's unit box, in the unit of the models' own sizes; None: not known.
     """
-    work = _Work(candidates, visibility, structure or StructureConfig(), floor, unit)
+    config = structure or StructureConfig()
+    chosen = candidates
+    if top_k is not None and len(candidates.model_ids) > top_k:
+        errors = np.array(_Work(candidates, visibility, config, floor, unit).sketched())
+        # A model that is the very thing is found by its tokens; among many, others can be bent to look like it.
+        errors[: top_k // 2] = -np.inf
+        chosen = candidates.take(torch.from_numpy(np.sort(np.argsort(errors, kind="stable")[:top_k])))
+    work = _Work(chosen, visibility, config, floor, unit)
     if deform in ("paper", "free"):
         explanations = work.smooth(deform, refinement or RefineConfig())
     elif deform in ("none", "scale"):
-        explanations = [work.simple(row, deform) for row in range(len(candidates.model_ids))]
+        explanations = [work.simple(row, deform) for row in range(len(chosen.model_ids))]
     else:
         explanations = work.structured(simplest=deform == "auto")
     seen = float(np.mean([one.distances.seen for one in explanations]))
-    return Deformed(candidates, visibility, tuple(explanations), seen)
+    return Deformed(chosen, visibility, tuple(explanations), seen)
 
 
 @dataclass(frozen=True)
@@ -112,7 +123,22 @@ class _Work:
         self.start = candidates.deformed().numpy()
         self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]
         self.hidden = [self._hidden(row) for row in range(len(self.points))]
-        self.placements = _each(self._placements, len(self.points))
+
+    @cached_property
+    def placements(self) -> list[_Placements]:
+        """Placements of every undeformed model."""
+        return _each(self._placements, len(self.points))
+
+    def sketched(self) -> list[float]:
+        """Estimate the log error of every candidate, deformed in a few rounds from where its keypoints put it."""
+        config = self.config.sketch()
+
+        def estimate(row: int) -> float:
+            model = self.models[row]
+            moved = model.moved(fit_structure(model, self.start[row], self.evidence, config))
+            return self._measure(row, moved)[1]
+
+        return _each(estimate, len(self.points))
 
     def simple(self, row: int, step: Literal["none", "scale"]) -> Explanation:
         """Place the undeformed model, in its own size or the size that fits, or in one size per axis."""
@@ -185,14 +211,18 @@ class _Work:
     def _explanation(
         self, row: int, step: Step, deformation: Deformation, moved: np.ndarray, placement: Placement
     ) -> Explanation:
+        measured, log_error = self._measure(row, moved)
+        return Explanation(step, deformation, moved, measured, log_error + COSTS[step], placement)
+
+    def _measure(self, row: int, moved: np.ndarray) -> tuple[Distances, float]:
+        """Measure distances between the scan and a deformed model, and the log error, with that of a known floor."""
         every = max(1, len(moved) // COMPARED_POINTS)
         visible = self.visibility(moved + OUTSIDE * self.models[row].normals)
         off = np.square(moved - self.start[row])[::every].sum(axis=1)
         unseen = float((self.hidden[row][::every] * off).mean())
         spacings = self.spacing, self._spacing(row, moved)
         measured = replace(distances(self.goal, spacings, moved, visible, every), unseen=unseen)
-        error = np.exp(measured.log_error()) + self._floor_error(row, moved)
-        return Explanation(step, deformation, moved, measured, float(np.log(error)) + COSTS[step], placement)
+        return measured, float(np.log(np.exp(measured.log_error()) + self._floor_error(row, moved)))
 
     def _floor_error(self, row: int, moved: np.ndarray) -> float:
         """Charge a result that does not stand on the floor, where its height is known; unit box squared."""

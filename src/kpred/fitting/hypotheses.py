@@ -73,7 +73,8 @@ class Search:
     """What hypotheses are tried against.
 
     Attributes:
-        model, database: the networks, and the models they encoded; top_k: candidates of each hypothesis.
+        model, database: the networks, and the models they encoded.
+        top_k: candidates of each hypothesis while several are compared; retrieved: of the one that is deformed.
         frame_known: the scan lies in its whole object's unit box.
         floor: height along the up axis, after `upright`, where it is known.
     """
@@ -81,6 +82,7 @@ class Search:
     model: Model
     database: Database
     top_k: int
+    retrieved: int
     frame_known: bool
     floor: float | None = None
 
@@ -103,9 +105,8 @@ def hypotheses(
         frames, box_errors = _frames(points, tried, network, search, partial)
         clouds = _clouds(points, frames)
         encoding = encode_scan(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
-        candidates = [
-            retrieve(encoding, row, search.database, category, search.top_k, partial) for row in range(len(tried))
-        ]
+        count = search.retrieved if alone else search.top_k
+        candidates = [retrieve(encoding, row, search.database, category, count, partial) for row in range(len(tried))]
         errors = [1.0] if alone else _screen(candidates)
         for reading, read, frame, box_error, error in zip(tried, candidates, frames, box_errors, errors, strict=True):
             # Errors are compared in the scan's unit: boxes differ between readings.
@@ -116,7 +117,7 @@ def hypotheses(
         # They were only compared; the best is read again with all points.
         best = found[0]
         encoding = encode_scan(_clouds(points, [best.frame]), search.model[best.category], partial)
-        again = retrieve(encoding, 0, search.database, best.category, search.top_k, partial)
+        again = retrieve(encoding, 0, search.database, best.category, search.retrieved, partial)
         found[0] = replace(best, candidates=again)
     return found
 

@@ -15,6 +15,9 @@ from kpred.refinement.config import RefineConfig
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.unit_name import UNIT_NAMES, UnitName
 
+OVERSAMPLING = 4
+"""Models retrieved for each that is deformed (docs/notes/deformation_trials.md)."""
+
 
 @dataclass(frozen=True, eq=False)
 class FitOptions:
@@ -50,6 +53,11 @@ class FitOptions:
             raise ConfigError(f"floor must be a finite height, but is {self.floor}.")
         if self.unit not in ("auto", *UNIT_NAMES):
             raise ConfigError(f"unit must be auto or one of {', '.join(UNIT_NAMES)}, but is '{self.unit}'.")
+
+    @property
+    def retrieved(self) -> int:
+        """Models retrieved by tokens; where a sketch of the deformation selects among them, more than are deformed."""
+        return self.top_k * (OVERSAMPLING if self.deform in ("auto", "structure") else 1)
 
     @property
     def known(self) -> bool:

@@ -61,7 +61,8 @@ def fit(
         model: trained networks, or their name or folder; None means bundled.
         database: open database or its path; None means bundled.
         category: search this category only; None tries all that model and database share.
-        top_k: candidates retrieved by tokens, deformed and compared (paper: 10).
+        top_k: candidates deformed and compared (paper: 10). Tokens retrieve as many with `deform` "free" or "paper"; else
+            four times as many, of which a sketch of the deformation selects half.
         frame: `auto` finds the scan's yaw and box; `known` takes the scan as canonical (y up, front +z) inside its
             whole object's unit box, which is the paper's protocol.
         deform: how far a model may be changed. `none`: placed, in one size; `scale`: in one size per axis;
@@ -138,6 +139,7 @@ def run_fit(scan: str | os.PathLike[str] | np.ndarray, context: Context, options
             options.deform,
             refinement=options.refinement,
             structure=options.structure,
+            top_k=options.top_k,
             floor=aligned.floor(cloud, options),
             unit=None if options.known else aligned.best.frame.scale,
         )

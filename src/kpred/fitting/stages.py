@@ -162,7 +162,7 @@ def try_poses(scan: CleanScan, readings: Sequence[PoseHypothesis], context: Cont
     Raises:
         DatabaseError: the database has no models of a category, or not the named one.
     """
-    search = Search(context.model, context.database, options.top_k, options.known, scan.floor)
+    search = Search(context.model, context.database, options.top_k, options.retrieved, options.known, scan.floor)
     partial = _lacks_parts(scan, readings[0], context, options)
     tried = hypotheses(scan.points, readings, search, partial)
     best = tried[0]

@@ -45,6 +45,10 @@ class StructureConfig:
     floor: float = 2.0
     robust: float = 20.0
 
+    def sketch(self) -> StructureConfig:
+        """Reduce to what selects the models worth deforming: few rounds, with a quarter of the points."""
+        return replace(self, iterations=max(1, self.iterations // 3), points=max(1, self.points // 4))
+
     def quick(self) -> StructureConfig:
         """Reduce to the few rounds, with half of the points, by which finalists are found."""
         return replace(self, iterations=max(1, self.iterations // 3), points=max(1, self.points // 2))

@@ -93,11 +93,11 @@ class _Searcher:
 
     def _delivered(self, query: Query, found: Tried, rows: dict[str, Deform]) -> Iterator[Prediction]:
         """Yield what fits of each top k deliver by each deformation."""
-        candidates = found.best.candidates
         for k in query.top_k:
-            first = candidates.take(torch.arange(min(k, len(candidates.points))))
-            whole = None if found.whole is None else found.whole.take(torch.arange(min(k, len(found.whole.points))))
             for method, deform in rows.items():
+                retrieved = FitOptions(top_k=k, deform=deform).retrieved
+                first = _first(found.best.candidates, retrieved)
+                whole = None if found.whole is None else _first(found.whole, retrieved)
                 yield self._fit(method, (first, whole), found.visibility, deform, k, k == max(query.top_k))
 
     def _fit(
@@ -115,6 +115,7 @@ class _Searcher:
             deform,
             refinement=self.settings.refinement,
             structure=self.settings.structure,
+            top_k=top_k,
         )
         row = rank_candidates(deformed)[0]
         name, result = deformed.candidates.model_ids[row], deformed.explanations[row]
@@ -141,3 +142,7 @@ class _Searcher:
         basis = entry.vertex_basis.astype(np.float64)
         result = deformation(ModelPoints(source, entry.structure.vertex_parts, basis))
         return measure_cleanliness(source, result, np.asarray(entry.mesh.faces), entry.structure)
+
+
+def _first(candidates: Candidates, count: int) -> Candidates:
+    return candidates.take(torch.arange(min(count, len(candidates.points))))
