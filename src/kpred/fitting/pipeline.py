@@ -61,8 +61,8 @@ def fit(
         model: trained networks, or their name or folder; None means bundled.
         database: open database or its path; None means bundled.
         category: search this category only; None tries all that model and database share.
-        top_k: candidates deformed and compared (paper: 10). Tokens retrieve so many with `deform` "free" or "paper", else
-            four times as many, of which a sketch of the deformation selects half.
+        top_k: candidates deformed and compared (paper: 10). Tokens retrieve so many where `deform` is "free" or
+            "paper"; else four times as many, of which a sketch of the deformation selects half.
         frame: `auto` finds the scan's yaw and box; `known` takes the scan as canonical (y up, front +z) inside its
             whole object's unit box, which is the paper's protocol.
         deform: how far a model may be changed. `none`: placed, in one size; `scale`: in one size per axis;
