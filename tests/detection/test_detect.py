@@ -53,6 +53,21 @@ def test_rows_that_are_not_finite_are_left_out(furnished_room: Room) -> None:
     assert sorted(matched(found, np.where(np.isnan(holes[:, 0]), -1, owner))) == ["cabinet", "chair", "table"]
 
 
+def test_a_room_in_feet_is_found_where_the_unit_is_given(furnished_room: Room) -> None:
+    points, owner = furnished_room
+    found = detect_objects(points / 0.3048, metres=0.3048)
+    assert sorted(matched(found, owner)) == ["cabinet", "chair", "table"]
+
+
+def test_a_tenth_of_strays_costs_nothing_where_up_is_known(furnished_room: Room) -> None:
+    points, owner = furnished_room
+    strays = np.random.default_rng(4).uniform([-4, -3.5, -1.5], [4, 3.5, 4], (len(points) // 10, 3))
+    found = detect_objects(np.concatenate([points, strays]), "z")
+    all_owners = np.append(owner, np.full(len(strays), -1))
+    assert sorted(matched(found, all_owners)) == ["cabinet", "chair", "table"]
+    assert found.floor == pytest.approx(0.0, abs=0.03)
+
+
 def test_half_a_room_shows_what_is_in_it(furnished_room: Room) -> None:
     points, owner = furnished_room
     half = points[:, 1] > 0.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kpred.detection.gravity import find_gravity, rotation_between
+from kpred.detection.gravity import find_directions, find_gravity, rotation_between
 
 Room = tuple[np.ndarray, np.ndarray]
 
@@ -28,6 +28,11 @@ def test_a_room_that_lies_on_its_side_stands_up(furnished_room: Room) -> None:
 @pytest.mark.parametrize(("factor", "metres"), [(1.0, 1.0), (100.0, 0.01), (1000.0, 0.001)])
 def test_the_unit_follows_from_the_height(furnished_room: Room, factor: float, metres: float) -> None:
     assert find_gravity(furnished_room[0] * factor + 1e4).metres == metres
+
+
+def test_a_unit_that_is_known_is_taken(furnished_room: Room) -> None:
+    (found,) = find_directions(furnished_room[0] / 0.3048, metres=0.3048)
+    assert found.metres == 0.3048
 
 
 def test_a_named_axis_is_taken(furnished_room: Room) -> None:

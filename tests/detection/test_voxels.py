@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kpred.detection.voxels import voxel_grid
+from kpred.detection.voxels import voxel_grid, without_strays
 
 
 def test_each_point_lies_in_its_own_cell() -> None:
@@ -28,3 +28,19 @@ def test_rows_that_are_not_finite_belong_to_no_cell() -> None:
     grid = voxel_grid(points, 0.05)
     assert np.flatnonzero(grid.owner < 0).tolist() == [7, 9]
     assert len(voxel_grid(np.full((3, 3), np.nan))) == 0
+
+
+def test_voxels_that_stand_alone_go_and_surfaces_stay() -> None:
+    rng = np.random.default_rng(0)
+    wall = rng.uniform(0, 4, (20_000, 3)) * [1, 0, 1]
+    strays = rng.uniform([-2, 0.5, -2], [6, 6, 6], (1000, 3))
+    grid = without_strays(voxel_grid(np.concatenate([wall, strays, [[np.nan] * 3]])), 0.12)
+    assert (grid.owner[:20_000] >= 0).all()
+    assert (grid.owner[20_000:-1] < 0).mean() > 0.95
+    assert grid.owner[-1] == -1
+    assert np.abs(wall - grid.points[grid.owner[:20_000]]).max() < 0.021
+
+
+def test_a_cloud_of_strays_alone_stays() -> None:
+    grid = voxel_grid(np.random.default_rng(0).uniform(-5, 5, (500, 3)))
+    assert without_strays(grid, 0.12) is grid

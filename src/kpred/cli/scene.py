@@ -15,6 +15,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.refinement.config import Deform
+from kpred.shapes.unit import UnitName
 
 if TYPE_CHECKING:
     from kpred.fitting.fit_scene import SceneFit
@@ -59,6 +60,8 @@ class SceneCommand(Command):
     """Scan2CAD full_annotations.json whose models of this scan name the results in the lines for its benchmark"""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """Up axis of the scene; auto: z, and y for .glb and .gltf, or, where objects are found, the up direction is too"""
+    unit: UnitName | Literal["auto"] = "auto"
+    """Unit of the scene's lengths; auto guesses m, cm or mm"""
     model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
     """Trained networks: a name or a folder; without it, the bundled ones"""
     database: Annotated[Path | None, arg(metavar="FILE")] = None
@@ -106,6 +109,7 @@ class SceneCommand(Command):
                 "deform": self.deform,
                 "model_id": self.model_id,
                 "floor": self.floor,
+                "unit": self.unit,
             }
             if finds:
                 result = fit_room(scene, self.model, self.database, up=self.up, **options)

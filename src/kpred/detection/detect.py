@@ -75,14 +75,16 @@ def detect_objects(
     up: str = "auto",
     detector: Detector | None = None,
     min_score: float = MIN_SCORE,
+    metres: float | None = None,
 ) -> Detection:
     """Find the furniture of a room.
 
     Args:
-        points: (N, 3) in any unit of 1 m, 1 cm or 1 mm; rows that are not finite belong to nothing.
+        points: (N, 3) in m, cm, mm, or in the unit of `metres`; rows that are not finite belong to nothing.
         up: the up axis (x, y, z, -x, -y, -z); `auto` finds the up direction, which need not be an axis.
         detector: trained networks; None means bundled.
         min_score: least score of an object.
+        metres: length of the unit, where it is known.
     """
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(finite) < MIN_POINTS:
@@ -91,7 +93,7 @@ def detect_objects(
             (), Gravity(upright_rotation(axis)[1], axis, np.eye(3), 1.0), None, np.zeros(len(points), dtype=bool)
         )
     networks = detector or bundled_detector()
-    directions = find_directions(points[finite], up)
+    directions = find_directions(points[finite], up, metres)
     tried = [_detect_upright(points, gravity, networks, min_score) for gravity in directions]
     return max(tried, key=lambda found: sum(item.score for item in found.objects if item.score > SURE))
 

@@ -6,18 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpred.detection.voxels import voxel_grid
+from kpred.detection.voxels import voxel_grid, without_strays
 from kpred.ops.rotations import UP_AXES
 from kpred.ops.typing import Float
 from kpred.preprocessing.normals import estimate_normals
 
 ROOM_HEIGHT = 2.4
-"""Metres: height of a scanned room, by which metres, centimetres and millimetres are distinguished."""
+"""Metres: height of a scanned room, by which units are distinguished; inches and feet must be named."""
 
 UNITS = (1.0, 0.01, 0.001)
 """Metres of the units that scans come in."""
 
 SAMPLE_VOXELS = 12_000
+NEAR = 2.5
+"""Cells within which those of surfaces have others."""
+
 MAX_DIRECTIONS = 6
 PEAK_ANGLE, APART_ANGLE = np.radians(6.0), np.radians(25.0)
 """Normals within the first of a direction vote for it; peaks are farther apart than the second."""
@@ -71,15 +74,22 @@ def find_gravity(points: Float[np.ndarray, "points 3"], up: str = "auto") -> Gra
     return find_directions(points, up)[0]
 
 
-def find_directions(points: Float[np.ndarray, "points 3"], up: str = "auto") -> list[Gravity]:
-    """Find the likeliest up directions and the unit of a room (N, 3): one if it is clear, else two."""
+def find_directions(
+    points: Float[np.ndarray, "points 3"], up: str = "auto", metres: float | None = None
+) -> list[Gravity]:
+    """Find the likeliest up directions and the unit of a room (N, 3): one if it is clear, else two.
+
+    Args:
+        up: names the axis where it is known; metres: length of the unit where it is known.
+    """
     finite = points[np.isfinite(points).all(axis=1)]
     low, high = np.quantile(finite[:: max(1, len(finite) // 100_000)], [0.01, 0.99], axis=0)
     size = max(float((high - low).max()), float(np.finfo(float).tiny))
     inside = finite[((finite >= low - 0.1 * size) & (finite <= high + 0.1 * size)).all(axis=1)]
-    grid = voxel_grid(inside, size / 150, SAMPLE_VOXELS)
+    cells = voxel_grid(inside, size / 150, SAMPLE_VOXELS)
+    grid = without_strays(cells, NEAR * cells.cell)
     if up != "auto":
-        return [_gravity(np.array(UP_AXES[up], dtype=np.float64), grid.points)]
+        return [_gravity(np.array(UP_AXES[up], dtype=np.float64), grid.points, metres)]
     normals, planarity = estimate_normals(grid.points, neighbours=12)
     flat = normals[planarity > 0.4]
     axes = [np.array(axis, dtype=np.float64) for axis in UP_AXES.values()]
@@ -88,7 +98,7 @@ def find_directions(points: Float[np.ndarray, "points 3"], up: str = "auto") -> 
     scores = [_prior(one) + _evidence(grid.points, normals, planarity, one) for one in directions]
     order = np.argsort(-np.array(scores), kind="stable")[:2]
     close = [row for row in order.tolist() if scores[row] > scores[order[0]] - CLEAR]
-    return [_gravity(directions[row], grid.points) for row in close]
+    return [_gravity(directions[row], grid.points, metres) for row in close]
 
 
 def rotation_between(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
@@ -98,7 +108,7 @@ def rotation_between(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"])
     return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + cosine))
 
 
-def _gravity(direction: np.ndarray, points: np.ndarray) -> Gravity:
+def _gravity(direction: np.ndarray, points: np.ndarray, metres: float | None) -> Gravity:
     axis = max(UP_AXES, key=lambda name: float(np.array(UP_AXES[name]) @ direction))
     upright = np.array(UP_AXES[axis], dtype=np.float64)
     level = float(upright @ direction) > np.cos(MIN_TILT)
@@ -106,8 +116,8 @@ def _gravity(direction: np.ndarray, points: np.ndarray) -> Gravity:
     rotation = np.eye(3) if level else rotation_between(chosen, upright)
     height = points @ chosen
     extent = max(float(np.ptp(np.quantile(height, [0.005, 0.995]))), float(np.finfo(float).tiny))
-    metres = min(UNITS, key=lambda unit: abs(float(np.log(extent * unit / ROOM_HEIGHT))))
-    return Gravity(chosen, axis, rotation, metres)
+    guessed = min(UNITS, key=lambda unit: abs(float(np.log(extent * unit / ROOM_HEIGHT))))
+    return Gravity(chosen, axis, rotation, guessed if metres is None else metres)
 
 
 def _peaks(normals: np.ndarray) -> list[np.ndarray]:

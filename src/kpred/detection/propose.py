@@ -13,7 +13,7 @@ from kpred.detection.networks import PairNetwork
 from kpred.detection.proposals import merge_trees
 from kpred.detection.segments import neighbour_edges, segment_voxels
 from kpred.detection.structure import Structure, find_structure
-from kpred.detection.voxels import VoxelGrid, voxel_grid
+from kpred.detection.voxels import STRAY_REACH, VoxelGrid, voxel_grid, without_strays
 from kpred.ops.typing import Float, Int
 
 MIN_REST = 60
@@ -41,7 +41,8 @@ class PreparedRoom:
 
 def prepare_room(points: Float[np.ndarray, "points 3"]) -> PreparedRoom:
     """Cut a room (N, 3) in metres, z up, into pieces of objects, floor, walls and ceiling apart."""
-    grid = voxel_grid(points)
+    cells = voxel_grid(points)
+    grid = without_strays(cells, max(STRAY_REACH, 6.0 * cells.cell))
     structure = find_structure(grid.points)
     places = np.column_stack([grid.points[:, :2], structure.height])
     rest = np.flatnonzero(~structure.mask)

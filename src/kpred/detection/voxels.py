@@ -5,14 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kpred.ops.typing import Float, Int
+from kpred.ops.worksharing import thread_count
 
 CELL = 0.02
 """Metres: edge of a cell, unless the room needs more than `MAX_VOXELS` of them."""
 
 MAX_VOXELS = 120_000
 """Rooms of more surface than this are put on a coarser grid."""
+
+STRAY_REACH, STRAY_NEIGHBOURS = 0.12, 3
+"""Metres within which a voxel of a surface has so many others; six cells where these are more."""
 
 _COARSER = 1.25
 _MAX_CELLS_A_SIDE = 1 << 20
@@ -57,6 +62,23 @@ def voxel_grid(points: Float[np.ndarray, "points 3"], cell: float = CELL, max_vo
     every = np.full(len(points), -1, dtype=np.int64)
     every[rows] = owner
     return VoxelGrid(sums / counts[:, None], counts, edge, every)
+
+
+def without_strays(grid: VoxelGrid, reach: float) -> VoxelGrid:
+    """Return a grid without voxels that stand alone; their points have no cell. All stay if most would go.
+
+    Args:
+        reach: distance within which a voxel of a surface has `STRAY_NEIGHBOURS` others.
+    """
+    if len(grid) <= STRAY_NEIGHBOURS:
+        return grid
+    tree = cKDTree(grid.points, balanced_tree=False)
+    distance, _ = tree.query(grid.points, k=STRAY_NEIGHBOURS + 1, distance_upper_bound=reach, workers=thread_count())
+    kept = np.isfinite(distance[:, -1])
+    if kept.all() or kept.mean() < 0.5:
+        return grid
+    number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
+    return VoxelGrid(grid.points[kept], grid.counts[kept], grid.cell, number[grid.owner])
 
 
 def _codes(points: np.ndarray, low: np.ndarray, edge: float) -> np.ndarray:

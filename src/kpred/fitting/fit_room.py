@@ -22,6 +22,10 @@ from kpred.nn import Model
 from kpred.ops.typing import Float
 from kpred.scenes.floor import SceneFloor
 from kpred.scenes.scene import Scene
+from kpred.shapes.unit import METRES
+
+MIN_WIDTH, MAX_WIDTH = 2.0, 45.0
+"""Metres: longest side of a room; what is smaller is one object, and what is larger a building or the open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +108,14 @@ def fit_level_room(
     """
     if progress is not None:
         progress(0, 1, "objects of the room")
-    found = detect_objects(scene.points, up, detector)
+    unit = fit_options.get("unit", "auto")
+    found = detect_objects(scene.points, up, detector, metres=METRES.get(unit))
+    width = _width(scene) * found.gravity.metres
+    if width > MAX_WIDTH:
+        raise ScanError(
+            f"{scene.path or scene.name}: it is {width:.0f} m wide, too wide for a room; cut one room out of it, or "
+            "name the objects with --objects."
+        )
     if not found.objects:
         raise ScanError(f"{scene.path or scene.name}: {_nothing_found(scene, found)}")
     level = level_scene(scene, found)
@@ -122,4 +133,12 @@ def _nothing_found(scene: Scene, found: Detection) -> str:
     finite = int(np.isfinite(scene.points).all(axis=1).sum())
     if found.structure.sum() > 0.9 * finite:
         return "it shows floor and walls only; scan furniture too, or name the objects with --objects."
+    if _width(scene) * found.gravity.metres < MIN_WIDTH:
+        return "no chair, table or cabinet was found in it; the scan of one object is fitted by `kpred fit`."
     return "no chair, table or cabinet was found in it; name the objects with --objects."
+
+
+def _width(scene: Scene) -> float:
+    """Measure the longest side of a scene, without its outermost percent, in its unit."""
+    finite = scene.points[np.isfinite(scene.points).all(axis=1)]
+    return float(np.ptp(np.quantile(finite[:: max(1, len(finite) // 100_000)], [0.005, 0.995], axis=0), axis=0).max())
