@@ -15,7 +15,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command
 from kpred.cli.output import Output
 from kpred.refinement.config import Deform
-from kpred.shapes.unit import UnitName
+from kpred.shapes.unit_name import UnitName
 
 if TYPE_CHECKING:
     from kpred.fitting.fit_scene import SceneFit
