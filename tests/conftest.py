@@ -72,3 +72,37 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "gpu" in item.keywords:
             item.add_marker(pytest.mark.skip(reason="no CUDA device"))
+
+
+STARTED = pytest.StashKey[float]()
+SECONDS: dict[str, float] = {}
+"""Processor seconds of each test, its fixtures and the processes that it started."""
+
+
+def processor_seconds() -> float:
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.stash[STARTED] = processor_seconds()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> None:
+    if call.when == "teardown":
+        item.user_properties.append(("processor_seconds", processor_seconds() - item.stash[STARTED]))
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if report.when == "teardown":
+        SECONDS[report.nodeid] = float(str(dict(report.user_properties)["processor_seconds"]))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print what takes most; unlike durations, processor seconds say the same on a busy machine."""
+    slowest = sorted(SECONDS.items(), key=lambda item: -item[1])[:10]
+    terminalreporter.section(f"slowest 10 of {sum(SECONDS.values()):.0f} processor seconds")
+    for name, seconds in slowest:
+        terminalreporter.line(f"{seconds:6.1f} s  {name}")
