@@ -15,7 +15,7 @@ import pytest
 
 from kpred.batch import BatchSettings, fit_many
 from kpred.batch.journal import Journal
-from kpred.batch.run import _Batch
+from kpred.batch.run import BatchRun
 from kpred.batch.task import Task, read_tasks
 from kpred.batch.worker import Outcome
 from kpred.batch.worker_pool import ProcessWorkerPool
@@ -232,7 +232,7 @@ def test_accidents_are_tried_again_and_a_killer_takes_nobody_with_it(tmp_path, g
             yield Task(name, name)
 
     with Journal(tmp_path, {}) as journal:
-        report = _Batch(pool, journal, attempts=3, progress=None, group_size=group_size).run(tasks())
+        report = BatchRun(pool, journal, attempts=3, progress=None, group_size=group_size).run(tasks())
     assert dict(report.failed) == {"killer": "the process that fitted it died", "e": "the disk was full"}
     assert report.fitted == 5
     assert pool.max_at_hand <= 4
@@ -253,7 +253,7 @@ def test_a_worker_that_dies_is_replaced(place, settings, tmp_path, monkeypatch):
     with Journal(out, {}) as journal:
         pool = ProcessWorkerPool(1, settings, str(out))
         try:
-            report = _Batch(pool, journal, attempts=2, progress=None, group_size=3).run(read_tasks(place / "scans"))
+            report = BatchRun(pool, journal, attempts=2, progress=None, group_size=3).run(read_tasks(place / "scans"))
         finally:
             pool.close()
     assert report.fitted == 6

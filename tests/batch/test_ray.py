@@ -8,7 +8,7 @@ import pytest
 
 from kpred.batch import BatchSettings
 from kpred.batch.journal import Journal
-from kpred.batch.run import _Batch
+from kpred.batch.run import BatchRun
 from kpred.batch.task import Task
 from kpred.errors import ConfigError
 
@@ -47,7 +47,7 @@ def test_a_killed_worker_is_started_again_and_every_scan_is_fitted_once(tmp_path
                 os.kill(killed[0], signal.SIGKILL)
 
         try:
-            report = _Batch(pool, journal, attempts=3, progress=kill_once).run(iter(tasks))
+            report = BatchRun(pool, journal, attempts=3, progress=kill_once).run(iter(tasks))
         finally:
             pool.close()
     assert killed

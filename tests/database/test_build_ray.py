@@ -83,7 +83,7 @@ def test_what_kills_its_worker_every_time_is_listed_and_the_rest_is_built(tmp_pa
 
     encoder = RayEncoder.__new__(RayEncoder)
     encoder._cluster = type("C", (), {"ray": Cluster})()
-    encoder._hand_in = encoder._again = lambda category, batch: batch
+    encoder._submit = encoder._resubmit = lambda category, batch: batch
     encoder.max_pending = 2
     report = build_database(tmp_path / "a.kpred", shapes[:4], model, batch=2, encoder=encoder)
     assert report.added == 3

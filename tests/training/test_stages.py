@@ -80,7 +80,7 @@ def test_nearer_sources_are_chosen(network, data, train_config, change) -> None:
     generator = torch.Generator().manual_seed(0)
     target = data.draw_targets(16, config.points, 1.0, generator)
     state = generator.get_state()
-    rows = work._sources_for(target, generator)
+    rows = work.draw_sources(target, None, generator)
     generator.set_state(state)
     choices = data.draw_sources(64, generator).view(16, 4)
     for goal, chosen, among in zip(target, rows, choices, strict=True):
@@ -126,7 +126,7 @@ def test_partial_clouds_show_part_of_their_targets(network, data, train_config, 
         partial=change(train_config.partial, batch=4),
     )
     work = STAGE_CLASSES["partial"](network, data, config)
-    target, seen = work._partial_targets(torch.Generator().manual_seed(0))
+    target, seen = work.draw_partial_targets(None, torch.Generator().manual_seed(0))
     for whole, part in zip(target, seen, strict=True):
         assert nearest_neighbours(part[None], whole[None])[0].max() == 0
         assert len(part.unique(dim=0)) == config.points // 2

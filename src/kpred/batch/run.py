@@ -88,7 +88,7 @@ def fit_many(
         pool = _worker_pool(ray, workers, chosen, str(place), gpus)
         try:
             group_size = _GROUP_SIZE if chosen.batched else 1
-            report = _Batch(pool, journal, attempts, progress, group_size).run(tasks)
+            report = BatchRun(pool, journal, attempts, progress, group_size).run(tasks)
         finally:
             pool.close()
         journal.write_failures(report.failed)
@@ -97,7 +97,7 @@ def fit_many(
     return report
 
 
-class _Batch:
+class BatchRun:
     """One run: what waits to be tried again, and the report."""
 
     def __init__(

@@ -67,7 +67,7 @@ class Stage(ABC):
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         """Compute the named loss terms of one step, already weighted; their sum is minimised."""
 
-    def _sources_for(self, target: Tensor, categories: Tensor | None, generator: torch.Generator) -> Tensor:
+    def draw_sources(self, target: Tensor, categories: Tensor | None, generator: torch.Generator) -> Tensor:
         """Choose rows of sources for these targets: the nearest, undeformed, of a few random ones of their category."""
         choices, batch = self.config.source_choices, len(target)
         alike = None if categories is None else categories.repeat_interleave(choices)
@@ -101,7 +101,7 @@ class DeformationStage(Stage):
         config, data = self.config, self.data
         categories = data.draw_categories(self.settings.batch, generator)
         target = self._targets(categories, generator)
-        rows = self._sources_for(target, categories, generator)
+        rows = self.draw_sources(target, categories, generator)
         source = data.points[rows]
         keypoints = self.network.keypoints(self._few(torch.cat([source, target])))
         late = step >= config.late_step
@@ -226,7 +226,7 @@ class PartialStage(FrozenDeformer):
     def losses(self, step: int, generator: torch.Generator) -> Losses:
         config, network = self.config, self.network
         categories = self.data.draw_categories(self.settings.batch, generator)
-        target, seen = self._partial_targets(categories, generator)
+        target, seen = self.draw_partial_targets(categories, generator)
         with torch.no_grad():
             teacher = network.keypoints(self._few(target))
             confidence = network.confidence(seen, teacher)
@@ -277,7 +277,7 @@ class PartialStage(FrozenDeformer):
         return ((corners - (whole - middle) / half).abs() / spread + spread.log()).mean()
 
     @in_full_precision
-    def _partial_targets(self, categories: Tensor | None, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    def draw_partial_targets(self, categories: Tensor | None, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Draw full targets and their visible parts, by a plane (the paper) or a depth camera."""
         config, data, batch = self.config, self.data, self.settings.batch
         scanned = round(config.scanned * batch)
