@@ -8,10 +8,13 @@ import pytest
 import torch
 
 import kpred
+from kpred.database import build_database
 from kpred.errors import ConfigError, DatabaseError, ModelError, ScanError
 from kpred.fitting import Fit, bundled_database_path
 from kpred.fitting.deform import WHOLE
 from kpred.fitting.joint_gaps import WORSE
+from kpred.fitting.stages import Context
+from kpred.nn.config import SHARED
 from kpred.ops import chamfer_distance, sample_surface, unit_box_frame
 from kpred.ops.closest_point import closest_points
 from kpred.ops.nearest import nearest_reference
@@ -51,6 +54,7 @@ def test_the_bundle_is_whole(database: kpred.Database) -> None:
     model = kpred.load_model()
     assert set(model.categories) == set(CATEGORIES)
     assert model.recognizer is not None and set(model.recognizer.config.categories) == set(CATEGORIES)
+    assert "trained on" in (bundled_database_path().parent / "model" / SHARED / "README.md").read_text()
     for category in CATEGORIES:
         assert len(database.model_ids(category)) >= 100
         folder = bundled_database_path().parent / "model" / category
@@ -235,3 +239,19 @@ def test_impossible_arguments(chair: np.ndarray, tmp_path: Path) -> None:
         kpred.fit(chair, database=tmp_path / "nothing.kpred")
     with pytest.raises(ScanError, match=r"nothing\.ply"):
         kpred.fit(tmp_path / "nothing.ply")
+
+
+def test_other_categories_are_searched_by_the_shared_network_without_the_recognizer(tmp_path: Path) -> None:
+    lamps = generate("lamp", 5, seed=77)
+    model = kpred.load_model()
+    shapes = [(str(lamps.model_id[i]), "lamp", "source", lamps[i]) for i in range(len(lamps))]
+    build_database(tmp_path / "lamps.kpred", shapes, model)
+    scan = _sample(lamps[2].vertices, lamps[2].faces) * 100 + [5, 7, -3]
+    fit = kpred.fit(scan, database=tmp_path / "lamps.kpred", up="y")
+    assert (fit.category, fit.source.model_id) == ("lamp", str(lamps.model_id[2]))
+
+
+def test_the_recognizer_judges_only_categories_that_it_knows(database: kpred.Database) -> None:
+    model = kpred.load_model()
+    assert Context(model, database, ("chair", "table")).recognizer is model.recognizer is not None
+    assert Context(model, database, ("chair", "lamp")).recognizer is None

@@ -25,12 +25,12 @@ def test_one_command_makes_a_database_with_authors_and_licences(write_library, t
     }
     library = write_library(tmp_path / "a.sh3f", models)
     file = tmp_path / "f.kpred"
-    assert run(capsys, "database", "get", "furniture", "--source", library, "-o", file)["added"] == 2
+    assert run(capsys, "database", "get", "furniture", "--source", library, "-o", file)["added"] == 3
     rows = {row["model_id"]: row for row in run(capsys, "database", "list", file)}
-    assert list(rows) == ["chair/test-one", "table/test-two"]
+    assert list(rows) == ["chair/test-one", "lamp/test-lamp", "table/test-two"]
     wanted = {"author": "Ann", "licence": "CC-BY-3.0", "category": "chair", "width": "0.4", "title": "Chair"}
     assert rows["chair/test-one"].items() >= wanted.items()
-    assert run(capsys, "database", "info", file)["licences"] == {"CC-BY-3.0": 2}
+    assert run(capsys, "database", "info", file)["licences"] == {"CC-BY-3.0": 3}
 
 
 @pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="no dpkg here")

@@ -37,12 +37,12 @@ FACTORIES: dict[str, dict[str, int]] = {
     "toilet": {"ToiletFactory": 1},
     "lamp": {"DeskLampFactory": 1, "FloorLampFactory": 1, "CeilingClassicLampFactory": 1, "CeilingLightFactory": 1},
     "vase": {"VaseFactory": 1},
-    "plant": {"LargePlantContainerFactory": 1, "PlantContainerFactory": 1},
+    "bottle": {"BottleFactory": 1},
+    "plant": {"LargePlantContainerFactory": 1},
     "door": {"PanelDoorFactory": 1, "GlassPanelDoorFactory": 1, "LiteDoorFactory": 1, "LouverDoorFactory": 1},
     "window": {"WindowFactory": 1},
     "mirror": {"MirrorFactory": 1},
-    "staircase": {"StraightStaircaseFactory": 1, "SpiralStaircaseFactory": 1, "LShapedStaircaseFactory": 1},
-    "pillow": {"PillowFactory": 1},
+    "staircase": {"StraightStaircaseFactory": 1},
     "aquarium": {"AquariumTankFactory": 1},
 }
 """Factories of each category, and how often each is drawn."""
