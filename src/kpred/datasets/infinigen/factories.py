@@ -42,7 +42,8 @@ FACTORIES: dict[str, dict[str, int]] = {
     "door": {"PanelDoorFactory": 1, "GlassPanelDoorFactory": 1, "LiteDoorFactory": 1, "LouverDoorFactory": 1},
     "window": {"WindowFactory": 1},
     "mirror": {"MirrorFactory": 1},
-    "staircase": {"StraightStaircaseFactory": 1},
+    "bowl": {"BowlFactory": 1},
+    "pot": {"PotFactory": 1},
     "aquarium": {"AquariumTankFactory": 1},
 }
 """Factories of each category, and how often each is drawn."""
