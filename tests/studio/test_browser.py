@@ -14,7 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kpred.studio.gestures import ChooseModel, Crop, MoveKeypoint, RefitRest, SetSize, Turn
+from kpred.studio.gestures import (
+    ChooseCategory,
+    ChooseDeform,
+    ChooseModel,
+    ChooseUnit,
+    ChooseUp,
+    Crop,
+    MoveKeypoint,
+    PinKeypoint,
+    RefitRest,
+    SetSize,
+    Turn,
+)
 from kpred.studio.opening import Opened
 from kpred.studio.room import RoomSession
 from kpred.studio.serve import Studio
@@ -156,6 +168,42 @@ def test_models_turns_and_errors(tab: Any, studio: Studio) -> None:
     assert len(page.state.points) == len(page.session.start.points)
 
 
+def _choose(tab: Any, label: str, option: str) -> None:
+    tab.get_by_label(label, exact=True).first.click()
+    tab.get_by_role("option", name=option, exact=True).click()
+
+
+def test_category_up_unit_deform_and_pins_are_chosen(tab: Any, studio: Studio) -> None:
+    page = _page(studio)
+    for label, option, kind in (
+        ("Unit of the scan", "cm", ChooseUnit),
+        ("Deform", "scale", ChooseDeform),
+        ("Category", "chair", ChooseCategory),
+        ("Up axis", "y", ChooseUp),
+    ):
+        _choose(tab, label, option)
+        _until(lambda kind=kind: bool(page.session.gestures) and type(page.session.gestures[-1]) is kind)
+    assert (page.state.options.unit, page.state.options.deform, page.state.options.up) == ("cm", "scale", "y")
+    assert page.state.context.categories == ("chair",)
+    tab.get_by_role("tab", name="Shape").click()
+    _choose(tab, "Keypoint", "3")
+    _until(lambda: page.keypoint == 3)
+    tab.get_by_label("Mirror lock").check(force=True)
+    _choose(tab, "Axis lock", "y (height)")
+    _until(lambda: page.shape.mirror and page.shape.axis == "y")
+    tab.get_by_label("Pinned").check(force=True)
+    _until(lambda: page.session.gestures[-1] == PinKeypoint(3, True))
+    tab.get_by_label("Pinned").uncheck(force=True)
+    _until(lambda: page.session.gestures[-1] == PinKeypoint(3, False))
+    _picture(tab, "choices")
+    while page.session.can_undo:
+        count = len(page.session.gestures)
+        tab.get_by_role("button", name="Undo").click()
+        _until(lambda count=count: len(page.session.gestures) < count)
+    tab.get_by_role("button", name="Redo").click()
+    _until(lambda: [type(one) for one in page.session.gestures] == [ChooseUnit])
+
+
 def test_sizes_and_refitting(tab: Any, studio: Studio) -> None:
     page = _page(studio)
     tab.get_by_role("tab", name="Shape").click()
@@ -247,7 +295,7 @@ def test_a_room_is_corrected_object_by_object(browser: Any, room: RoomSession, t
         tab.get_by_role("button", name="Back to the room").click()
         tab.get_by_text("1 left out").wait_for()
         tab.get_by_role("tab", name="Save").click()
-        for button, name in (("Room (.glb)", "room.glb"), ("Record of the session", "room.studio.json")):
+        for button, name in (("The room", "room.glb"), ("Record of the session", "room.studio.json")):
             with tab.expect_download() as waiting:
                 tab.get_by_role("button", name=re.compile(re.escape(button))).first.click()
             assert waiting.value.suggested_filename == name

@@ -3,15 +3,18 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from kpred.errors import ConfigError
+from kpred.errors import ConfigError, KpredError
 from kpred.fitting import sample_scan
+from kpred.fitting.pipeline import Timer, run_fit
+from kpred.json_output import json_text
 from kpred.studio.gestures import WHOLE, SetSize
-from kpred.studio.opening import open_record
-from kpred.studio.record import session_record
+from kpred.studio.opening import open_fit_record, open_record
+from kpred.studio.record import array_sha256, session_record
 from kpred.studio.session import Session
 from kpred.studio.state import State
 
@@ -55,3 +58,42 @@ def test_unknown_categories_are_refused(recorded: tuple[Path, Session]) -> None:
     file.write_text(json.dumps(content))
     with pytest.raises(ConfigError, match="spaceship"):
         open_record(file, sample_scan(), session.start.context)
+
+
+@pytest.fixture
+def fit_record(start: State, tmp_path: Path) -> Path:
+    """The record of a fit of the sample scan, as `kpred fit` writes it."""
+    scan = tmp_path / "chair.ply"
+    shutil.copy(sample_scan(), scan)
+    fit = run_fit(scan, start.context, start.options, Timer())
+    file = tmp_path / "chair.json"
+    file.write_text(json_text(fit.record()))
+    return file
+
+
+def test_the_record_of_a_fit_opens_with_its_scan_and_options(fit_record: Path, start: State) -> None:
+    opened = open_fit_record(fit_record, None, start.context)
+    assert opened.name == "chair.ply" and opened.gestures == ()
+    assert array_sha256(opened.start.vertices) == array_sha256(start.vertices)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"options": {"seed": 1, "clean": False}}, "no option 'clean'"),
+        ({"input": {"sha256": "0" * 64}}, "has changed since"),
+        ({"database": {"fingerprint": "0" * 64}}, "another database"),
+        ({"weights": {"fingerprint": "0"}}, "other networks"),
+        ({"options": {"categories": 7}}, "damaged"),
+    ],
+)
+def test_another_scan_or_other_options_are_refused(
+    fit_record: Path, start: State, change: dict[str, dict[str, Any]], words: str
+) -> None:
+    content = json.loads(fit_record.read_text())
+    for key, values in change.items():
+        content[key] |= values
+    fit_record.write_text(json.dumps(content))
+    with pytest.raises(KpredError, match=words) as failure:
+        open_fit_record(fit_record, None, start.context)
+    assert "\n" not in str(failure.value)

@@ -21,6 +21,12 @@ def test_a_room_is_one_glb_of_what_was_kept(room: RoomSession) -> None:
     assert not any(node.startswith(room.objects[0]) for node in nodes)
 
 
+def test_a_room_of_several_files_is_a_zip(room: RoomSession) -> None:
+    name, content = room_download(room.result(), "room", ".urdf")
+    names = zipfile.ZipFile(io.BytesIO(content)).namelist()
+    assert name == "room.urdf.zip" and "room.urdf" in names and len(names) > 2
+
+
 def test_objects_are_a_zip_with_a_folder_each(room: RoomSession) -> None:
     name, content = objects_download(room.result(), "room", ".ply")
     names = zipfile.ZipFile(io.BytesIO(content)).namelist()

@@ -22,11 +22,12 @@ class RefitCommand(Command):
     examples:
       kpred refit chair.json
       kpred refit chair.json -o again.glb
+      kpred refit chair.studio.json -o chair.obj
       kpred refit chair.json --scan moved/scan.ply --database moved/mine.kpred
     """
 
     record: Annotated[Positional[Path], arg(metavar="RECORD")]
-    """Record (.json) that kpred fit or fit-many wrote"""
+    """Record (.json) that kpred fit, fit-many or studio wrote"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
     """The file to write, by extension as of kpred fit; without it, RECORD_refit with the extension of the mesh"""
     scan: Annotated[Path | None, arg(metavar="FILE")] = None
@@ -44,6 +45,9 @@ class RefitCommand(Command):
 
     def run(self, output: Output) -> None:
         """Fit again, write the files, print what was chosen."""
+        if self._is_of_studio():
+            self._replay(output)
+            return
         from kpred.cli.fit_files import check_output, describe
         from kpred.fitting.refit import read_record, refit
         from kpred.reports.fit_files import write_files
@@ -58,6 +62,27 @@ class RefitCommand(Command):
         scan = read_scan(scan_path)
         written = write_files(result, scan, target, scan_path=scan_path, picture=self.picture)
         describe(output, written.record, written.files)
+
+    def _is_of_studio(self) -> bool:
+        """Find out whether the record is that of a session of studio, of a scan or of a room."""
+        from kpred.errors import ConfigError
+        from kpred.studio.record import read_content
+
+        try:
+            read_content(self.record)
+        except ConfigError:
+            return False
+        return True
+
+    def _replay(self, output: Output) -> None:
+        """Repeat the gestures of a session."""
+        from kpred.cli.studio import StudioCommand
+
+        stem = self.record.stem.removesuffix(".studio")
+        target = self.output or self.record.with_name(f"{stem}_refit.glb")
+        StudioCommand(
+            opened=self.record, scan=self.scan, output=target, model=self.model, database=self.database
+        ).run(output)  # fmt: skip
 
 
 COMMAND: type[Command] = RefitCommand

@@ -53,7 +53,7 @@ class SceneCommand(Command):
     """Instance numbers (.npy .npz .txt .ply), ScanNet aggregation or boxes (.json), Scan2CAD full_annotations.json, or
     an S3DIS Annotations folder; without it, the instance numbers in the scene's own PLY, or else what is found"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
-    """The scene to write (.glb); without it, SCENE_fitted.glb in this folder"""
+    """The scene to write: .glb .usd .usdz .ifc .urdf .sdf .xml; without it, SCENE_fitted.glb in this folder"""
     labels: Annotated[Path | None, arg(metavar="FILE")] = None
     """PLY with NYU40 labels of the points; without it, ScanNet's .labels.ply beside the scene, if there is one"""
     pool: Annotated[Path | None, arg(metavar="FILE")] = None
@@ -145,6 +145,7 @@ class SceneCommand(Command):
     def _write(self, result: SceneFit, pool: tuple[AlignedModel, ...] | None) -> list[Path]:
         from kpred._version import __version__
         from kpred.atomic import write_together
+        from kpred.fitting.scene_export import scene_writers
         from kpred.json_output import json_text
         from kpred.rendering.scene_picture import save_scene_picture
         from kpred.reports.room_report import room_report
@@ -162,7 +163,7 @@ class SceneCommand(Command):
         with TemporaryDirectory(prefix="kpred-") as folder:
             scratch = Path(folder) / "picture.png"
             writers: dict[Path, Callable[[Path], object]] = {
-                glb: result.to_glb,
+                **scene_writers(result, glb),
                 record_file: json_writer(record),
                 annotation: json_writer(record["scan2cad"]),
                 lines: lambda file: result.to_csv(file, pool),
@@ -180,10 +181,9 @@ class SceneCommand(Command):
 def _check_output(files: tuple[Path, ...], inputs: list[Path | None]) -> None:
     """Refuse the output before any work is done for it."""
     from kpred.errors import OutputError
+    from kpred.fitting.scene_export import check_scene_file
 
-    out = files[0]
-    if out.suffix.lower() != ".glb":
-        raise OutputError(f"Cannot write {out}: scenes are .glb files; give it that extension.")
+    out = check_scene_file(files[0])
     if not out.parent.is_dir():
         raise OutputError(f"Cannot write {out}: the folder {out.parent} does not exist; make it first.")
     for source in inputs:

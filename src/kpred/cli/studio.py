@@ -32,6 +32,7 @@ class StudioCommand(Command):
     examples:
       kpred studio chair.ply
       kpred studio scan.pcd --up z --database mine.kpred
+      kpred studio chair.json
       kpred studio chair.studio.json --scan chair.ply
       kpred studio chair.studio.json -o chair.obj
       kpred studio room.ply --up z
@@ -39,7 +40,7 @@ class StudioCommand(Command):
     """
 
     opened: Annotated[Positional[Path | None], arg(metavar="SCAN_ROOM_OR_RECORD")] = None
-    """A scan, a room, or the record (.json) of a session; without it, the bundled sample scan"""
+    """A scan, a room, or the record (.json) of a session or a fit; without it, the bundled sample scan"""
     kind: Literal["auto", "object", "room"] = "auto"
     """What the scan shows: one object, or a room; auto finds out"""
     objects: Annotated[Path | None, arg(metavar="FILE")] = None
@@ -84,12 +85,12 @@ class StudioCommand(Command):
 
     def _is_room(self, context: Context) -> bool:
         from kpred.fitting.options import FitOptions
-        from kpred.studio.record import is_record
+        from kpred.studio.record import is_fit_record, is_record
         from kpred.studio.room_opening import is_plainly_room
         from kpred.studio.room_record import is_room_record
 
         if self.opened is not None and is_record(self.opened):
-            return is_room_record(self.opened)
+            return not is_fit_record(self.opened) and is_room_record(self.opened)
         if self.kind == "object" or self.opened is None:
             return False
         if self.kind == "room" or self.objects is not None:
@@ -99,10 +100,12 @@ class StudioCommand(Command):
     def _open(self, context: Context) -> Opened:
         from kpred.fitting.defaults import sample_scan
         from kpred.fitting.options import FitOptions
-        from kpred.studio.opening import open_record, open_scan
-        from kpred.studio.record import is_record
+        from kpred.studio.opening import open_fit_record, open_record, open_scan
+        from kpred.studio.record import is_fit_record, is_record
 
         if self.opened is not None and is_record(self.opened):
+            if is_fit_record(self.opened):
+                return open_fit_record(self.opened, self.scan, context)
             return open_record(self.opened, self.scan, context)
         options = FitOptions(up=self.up, deform=self.deform, unit=self.unit)
         return open_scan(sample_scan() if self.opened is None else self.opened, context, options)

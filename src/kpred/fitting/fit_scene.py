@@ -86,6 +86,17 @@ class SceneFit:
             raise OutputError(f"Cannot write {file}: no object of the scene was fitted, so it would be empty.")
         write_mesh(file, self.glb_scene())
 
+    def save(self, path: str | os.PathLike[str]) -> list[Path]:
+        """Write the scene in the format of the extension (`kpred.fitting.scene_export`), and return the files.
+
+        Raises:
+            OutputError: the format holds one object, its library is not installed, no object was fitted, or a file
+                cannot be written there.
+        """
+        from kpred.fitting.scene_export import save_scene
+
+        return save_scene(self, path)
+
     def show(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the report of the room, open it in the browser, and return its file.
 

@@ -110,6 +110,15 @@ def is_record(path: Path) -> bool:
     return path.suffix.lower() == ".json"
 
 
+def is_fit_record(path: Path) -> bool:
+    """Find out whether a file is the record that `kpred fit` wrote, not one of studio."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8")) if path.stat().st_size <= MAX_BYTES else None
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and "record_version" in content and "studio" not in content
+
+
 def read_record(path: Path) -> Record:
     """Read the record of a session, of any origin; nothing that it names is opened.
 

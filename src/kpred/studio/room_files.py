@@ -9,19 +9,17 @@ from tempfile import TemporaryDirectory
 
 from kpred.errors import OutputError
 from kpred.fitting.fit_scene import SceneFit
-from kpred.studio.save_controls import safe_stem
+from kpred.studio.save_controls import as_download, safe_stem
 
 
-def room_download(room: SceneFit, stem: str) -> tuple[str, bytes]:
-    """Return the name and the bytes of a room as one GLB.
+def room_download(room: SceneFit, stem: str, extension: str = ".glb") -> tuple[str, bytes]:
+    """Return the name and the bytes of a room in a format; several files become one ZIP.
 
     Raises:
-        OutputError: no object is left in it.
+        OutputError: no object is left in it, or the format holds one object or needs a library.
     """
     with TemporaryDirectory(prefix="kpred-studio-") as folder:
-        file = Path(folder) / f"{stem}.glb"
-        room.to_glb(file)
-        return file.name, file.read_bytes()
+        return as_download(room.save(Path(folder) / f"{stem}{extension}"), Path(folder))
 
 
 def alignments_download(room: SceneFit, stem: str) -> tuple[str, bytes]:

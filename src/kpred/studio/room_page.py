@@ -9,6 +9,7 @@ from typing import Any
 from kpred.errors import KpredError
 from kpred.exports.format_table import FORMATS
 from kpred.fitting.object_fit import ObjectFit
+from kpred.fitting.scene_export import SCENE_EXTENSIONS
 from kpred.studio.page import plain_markdown
 from kpred.studio.room import RoomSession
 from kpred.studio.room_files import alignments_download, objects_download, room_download
@@ -66,7 +67,8 @@ class RoomPage:
 
     def _add_saving(self) -> None:
         gui, stem = self.client.gui, safe_stem(self.room.name)
-        self._add_download("Room (.glb)", lambda: room_download(self.room.result(), stem))
+        whole = gui.add_dropdown("Format of the room", SCENE_EXTENSIONS, ".glb")
+        self._add_download("The room", lambda: room_download(self.room.result(), stem, str(whole.value)))
         self._add_download("Alignments (.csv)", lambda: alignments_download(self.room.result(), stem))
         chosen = gui.add_dropdown("Format of each object", tuple(FORMATS))
         self._add_download("Each object", lambda: objects_download(self.room.result(), stem, str(chosen.value)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import re
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -58,13 +59,18 @@ def download(fit: Fit, stem: str, extension: str) -> tuple[str, bytes]:
     """
     with TemporaryDirectory(prefix="kpred-studio-") as folder:
         files = fit.save(Path(folder) / f"{stem}{extension}")
-        if len(files) == 1:
-            return files[0].name, files[0].read_bytes()
-        packed = io.BytesIO()
-        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-            for file in files:
-                archive.write(file, file.relative_to(folder))
-        return f"{stem}{extension}.zip", packed.getvalue()
+        return as_download(files, Path(folder))
+
+
+def as_download(files: Sequence[Path], folder: Path) -> tuple[str, bytes]:
+    """Return the name and the bytes of a file, or of several in a folder as one ZIP named by the first."""
+    if len(files) == 1:
+        return files[0].name, files[0].read_bytes()
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in files:
+            archive.write(file, file.relative_to(folder))
+    return f"{files[0].name}.zip", packed.getvalue()
 
 
 def safe_stem(name: str) -> str:
