@@ -243,7 +243,7 @@ def test_refusals(
 
 def test_outputs_are_checked_first(files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words(files, tmp_path / "scene.obj")) == FAILED
-    assert "scenes are .glb files" in capsys.readouterr().err
+    assert "scenes are .glb," in capsys.readouterr().err
     assert main(words(files, tmp_path / "none" / "scene.glb")) == FAILED
     assert "does not exist" in capsys.readouterr().err
     before = (files / "boxes.json").read_bytes()

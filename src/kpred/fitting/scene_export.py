@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from kpred.atomic import write_together
 from kpred.errors import OutputError
-from kpred.exports.formats import FORMATS, check_extension, export_writers
+from kpred.exports.format_table import FORMATS, check_extension
+from kpred.exports.formats import export_writers
 from kpred.exports.furniture import WOOD, Export
 from kpred.exports.writer import Writer
 from kpred.fitting.export import furniture_of
