@@ -88,4 +88,4 @@ def test_fit_many_names_what_it_left_out_and_fails_when_nothing_was_fitted(
     assert "none of its 1 scans could be fitted" in printed.err
     (scans / "few.xyz").unlink()
     said = refusal("fit-many", scans, "-o", tmp_path / "other", "--workers", "1")
-    assert "there are no scans in it (it holds 1 .e57, 1 .laz, 1 .usdz)" in said
+    assert "there are no scans in it (it holds 1 .e57, 1 .rcp, 1 .usdz)" in said
