@@ -6,13 +6,14 @@ SIGTERM, 129 by SIGHUP.
 
 from __future__ import annotations
 
+import gc
 import os
 import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -50,6 +51,9 @@ MODULES = {"fit-depth": "depth", "fit-many": "fit_many"}
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
+RARELY = (50_000, 20, 100)
+"""Thresholds of Python's search for cycles (`gc.set_threshold`) in commands that fit."""
+
 _EXAMPLES = """\
 examples:
   kpred demo
@@ -85,6 +89,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             print(f"kpred: {_sentence(error)}", file=sys.stderr)
         return USAGE if isinstance(error, UsageError) else FAILED
+    finally:
+        if arguments is None:
+            # This process ends now: a search for cycles among all that torch has loaded would take most of a second.
+            gc.freeze()
 
 
 def _dispatch(words: list[str]) -> int:
@@ -135,9 +143,23 @@ def _run(name: str, words: list[str]) -> int:
             config=(tyro.conf.FlagCreatePairsOff,),
         )
     output = Output(as_json=command.json, command=line)
-    with reported_compilation(output.caution) if command.compiles else nullcontext():
+    with (
+        reported_compilation(output.caution) if command.compiles else nullcontext(),
+        _few_collections() if command.fits else nullcontext(),
+    ):
         command.run(output)
     return OK
+
+
+@contextmanager
+def _few_collections() -> Iterator[None]:
+    """Search for cycles less often: loading the libraries makes many objects and no garbage."""
+    before = gc.get_threshold()
+    gc.set_threshold(*RARELY)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def _summary(found: Group | type[Command]) -> str:
