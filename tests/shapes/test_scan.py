@@ -293,12 +293,12 @@ def test_two_million_points_stay_within_memory(tmp_path, rng):
 
 def test_long_text_stays_within_memory(tmp_path, rng):
     block = "".join("{:.4f} {:.4f} {:.4f} 17\n".format(*row) for row in rng.normal(size=(20_000, 3)).tolist())
-    (tmp_path / "a.xyz").write_text(block * 20)
+    (tmp_path / "a.xyz").write_text(block * 8)
     tracemalloc.start()
     thinned = read_scan(tmp_path / "a.xyz", max_points=1000)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert thinned.shape == (1000, 3) and peak < 40e6
+    assert thinned.shape == (1000, 3) and peak < 20e6  # All lines at once take 44 MB.
 
 
 # ---- bad input
