@@ -170,9 +170,9 @@ def test_ctrl_c_stops_a_process_with_130(tmp_path: Path) -> None:
     assert errors == b"kpred: stopped by Ctrl-C\n"
 
 
-def test_cycles_are_searched_for_as_before_when_a_command_has_ended(files: Path, tmp_path: Path) -> None:
+def test_cycles_are_searched_for_as_before_when_a_command_has_ended(tmp_path: Path) -> None:
     import gc
 
     before, frozen = gc.get_threshold(), gc.get_freeze_count()
-    assert main(["fit", str(files / "none.ply"), "-o", str(tmp_path / "a.obj")]) == FAILED
+    assert main(["fit", str(tmp_path / "none.ply"), "-o", str(tmp_path / "a.obj")]) == FAILED
     assert (gc.get_threshold(), gc.get_freeze_count()) == (before, frozen)
