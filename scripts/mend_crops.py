@@ -28,7 +28,7 @@ MENDS: dict[str, tuple[Gesture, ...]] = {
     "table_01": (ChooseModel("open_bay_desk_11_59"), SetSize(WHOLE, "x", 1.98), RefitRest()),
     "cabinet_07": (ChooseCategory("cabinet"), RefitRest()),
     "table_05": (Turn(180.0), RefitRest()),
-    "table_00": (ChooseModel("infinigen_SimpleDeskFactory_00033"), SetSize(WHOLE, "z", 0.8), RefitRest()),
+    "table_00": (SetSize(WHOLE, "z", 0.8), RefitRest()),
     "table_06": (ChooseModel("infinigen_TableDiningFactory_00040"), SetSize(WHOLE, "z", 0.75), RefitRest()),
 }
 
@@ -46,6 +46,8 @@ def described(gesture: Gesture, before: State) -> str:
     """Say what a hand did, in the words of the page."""
     if isinstance(gesture, ChooseModel):
         ids = [one.model_id for one in before.candidates]
+        if gesture.model_id not in ids:
+            raise SystemExit(f"{gesture.model_id} is not among the models found any more: choose the gestures anew.")
         return f"*Use model* {ids.index(gesture.model_id) + 1}"
     if isinstance(gesture, SetSize):
         side = {"x": "width", "y": "height", "z": "depth"}[gesture.axis]
@@ -75,11 +77,12 @@ def main() -> None:
     """Mend all, or the named ones, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("crops", type=Path)
+    parser.add_argument("names", nargs="*", default=list(MENDS))
     options = parser.parse_args()
     context = Context.load(None, None, None)
     print("| crop | gestures | model before | model after | before, cm | after, cm |\n|---|---|---|---|---|---|")
-    for name, gestures in MENDS.items():
-        print(mend(options.crops / f"{name}.ply", gestures, context), flush=True)
+    for name in options.names:
+        print(mend(options.crops / f"{name}.ply", MENDS[name], context), flush=True)
 
 
 if __name__ == "__main__":
