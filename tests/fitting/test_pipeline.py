@@ -242,16 +242,16 @@ def test_impossible_arguments(chair: np.ndarray, tmp_path: Path) -> None:
 
 
 def test_other_categories_are_searched_by_the_shared_network_without_the_recognizer(tmp_path: Path) -> None:
-    lamps = generate("lamp", 5, seed=77)
+    lamps = generate("lamp", 3, seed=77)
     model = kpred.load_model()
     shapes = [(str(lamps.model_id[i]), "lamp", "source", lamps[i]) for i in range(len(lamps))]
     build_database(tmp_path / "lamps.kpred", shapes, model)
-    scan = _sample(lamps[2].vertices, lamps[2].faces) * 100 + [5, 7, -3]
+    scan = _sample(lamps[0].vertices, lamps[0].faces) * 100 + [5, 7, -3]
     fit = kpred.fit(scan, database=tmp_path / "lamps.kpred", up="y")
-    assert (fit.category, fit.source.model_id) == ("lamp", str(lamps.model_id[2]))
+    assert (fit.category, fit.source.model_id) == ("lamp", str(lamps.model_id[0]))
 
 
-def test_the_recognizer_judges_only_categories_that_it_knows(database: kpred.Database) -> None:
+def test_the_recognizer_is_used_for_categories_that_it_knows(database: kpred.Database) -> None:
     model = kpred.load_model()
     assert Context(model, database, ("chair", "table")).recognizer is model.recognizer is not None
     assert Context(model, database, ("chair", "lamp")).recognizer is None

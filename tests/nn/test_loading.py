@@ -285,7 +285,7 @@ def test_a_model_whose_package_is_missing_names_it(monkeypatch: pytest.MonkeyPat
 def test_models_are_known_by_name() -> None:
     pytest.importorskip("kpred_paper", reason="the paper's weights are a package of their own: pip install ./paper")
     own, paper = load_model("kp-red-plus"), load_model("kp-red")
-    assert sorted(own) == sorted(paper) == ["cabinet", "chair", "table"]
+    assert sorted(own.categories) == sorted(paper) == ["cabinet", "chair", "table"]
     assert own["chair"].fingerprint() == load_model()["chair"].fingerprint()
     for category in paper:
         assert paper[category].config == preset("kp-red", category)
