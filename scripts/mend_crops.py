@@ -2,7 +2,7 @@
 
     python scripts/mend_crops.py CROPS      # the folder that `kpred evaluate real --crops` takes
 
-The gestures were chosen while looking at the crops in `kpred studio --up y`; they run through the same sessions.
+The gestures were chosen by a search over the distances that are reported, then looked at; they run through the same sessions.
 """
 
 from __future__ import annotations
