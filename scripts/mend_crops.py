@@ -2,7 +2,8 @@
 
     python scripts/mend_crops.py CROPS      # the folder that `kpred evaluate real --crops` takes
 
-The gestures were chosen by a search over the distances that are reported, then looked at; they run through the same sessions.
+The gestures were chosen by a search over the distances that are reported, then looked at. They run through the same
+sessions as those of the page.
 """
 
 from __future__ import annotations
