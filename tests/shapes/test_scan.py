@@ -316,7 +316,7 @@ def test_files_that_are_no_scan_are_named(tmp_path, cloud):
     (tmp_path / "folder.ply").mkdir()
     refused("folder.ply", "it is a folder", None)
     refused("none.ply", "no such file", None)
-    refused("a.las", "unknown scan extension '.las'; convert it to", b"LASF")
+    refused("a.rcp", "unknown scan extension '.rcp'; convert it to", b"RCP")
     for name in ("a.ply", "a.pcd", "a.xyz", "a.npy", "a.npz", "a.obj", "a.glb"):
         refused(name, "the file is empty", b"")
         refused(f"noise{name}", "not|no |damaged|does|0 distinct", b"\x00\x01noise" * 50)

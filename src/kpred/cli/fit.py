@@ -45,7 +45,7 @@ class FitCommand(Command):
     fits: ClassVar[bool] = True
 
     scan: Annotated[Positional[Path], arg(metavar="SCAN")]
-    """Point cloud or mesh of one object: .ply .pcd .xyz .pts .ptx .las .laz .npy .npz .obj .stl .off .glb .gltf"""
+    """Point cloud or mesh of one object: .ply .pcd .xyz .pts .ptx .las .laz .e57 .npy .npz .obj .stl .off .glb .gltf"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="OUT")] = None
     """The file to write, by extension: .obj .ply .stl .off; in metres: .glb .usd .usdz .ifc .urdf .sdf .xml (MJCF);
     without it, SCAN_fitted.glb in this folder"""

@@ -14,6 +14,7 @@ from kpred.ops.typing import Float
 from kpred.shapes.formats.ply_header import read_ply_header
 from kpred.shapes.formats.records import BLOCK_ROWS
 from kpred.shapes.formats.scan_array import npy_points, npz_points
+from kpred.shapes.formats.scan_e57 import e57_points
 from kpred.shapes.formats.scan_las import las_points
 from kpred.shapes.formats.scan_laz import laz_points
 from kpred.shapes.formats.scan_pcd import pcd_points
@@ -26,7 +27,8 @@ from kpred.shapes.reading import check_file, reading
 
 TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts")
 MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf")
-SCAN_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".ptx", ".las", ".laz", ".npy", ".npz", *MESH_SCAN_EXTENSIONS)
+POINT_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".ptx", ".las", ".laz", ".e57", ".npy", ".npz")
+SCAN_EXTENSIONS = (*POINT_EXTENSIONS, *MESH_SCAN_EXTENSIONS)
 
 MINIMUM_POINTS = 64
 SURFACE_SAMPLES = 32768
@@ -56,6 +58,7 @@ POINT_READERS: dict[str, Callable[[Path], Iterator[np.ndarray]]] = {
     ".ptx": ptx_points,
     ".las": las_points,
     ".laz": laz_points,
+    ".e57": e57_points,
     ".npy": npy_points,
     ".npz": npz_points,
     **dict.fromkeys(TEXT_EXTENSIONS, text_points),
@@ -70,19 +73,11 @@ class ScanWarning(UserWarning):
 def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> Float[np.ndarray, "points 3"]:
     """Read the points of a scan, in the file's own frame and unit.
 
-    Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .ptx, .las, .laz, .npy and .npz; columns other than x, y,
-    z are ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices when it is a dense scan
-    mesh, as scanners and depth fusion make them; when it has large faces, as CAD models and decimated scans do, points
-    are drawn evenly from its surface by ``seed``. Memory is bounded by ``max_points`` for files of points other than
-    ``binary_compressed`` PCD, however many the file holds.
-
-    Args:
-        path: the file.
-        max_points: more are thinned out at random by ``seed``; the order of the file is kept.
-        seed: of the random choice; the same file and seed give the same points.
-
-    Returns:
-        (N, 3) float64, 64 <= N <= max_points, as checked by ``check_points``.
+    Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .ptx, .las, .laz, .e57, .npy and .npz; columns other than
+    x, y, z are ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices when it is a dense
+    scan mesh, as scanners and depth fusion make them; when it has large faces, as CAD models and decimated scans do,
+    points are drawn evenly from its surface by ``seed``. Memory is bounded by ``max_points`` for files of points other
+    than ``binary_compressed`` PCD, however many the file holds.
 
     Raises:
         ScanError: missing, unreadable, cut short, unknown extension, or points that ``check_points`` refuses.
