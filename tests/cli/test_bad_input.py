@@ -585,7 +585,7 @@ def test_the_files_of_a_fit_come_together_or_not_at_all(
     def fail(*arguments: object, **options: object) -> None:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr("kpred.rendering.picture.save_picture", draw)
+    monkeypatch.setattr("kpred.reports.fit_files.save_picture", draw)
     place = {
         "record": "pathlib.Path.write_text",
         "picture": "shutil.copyfile",

@@ -16,7 +16,7 @@ def fit() -> kpred.Fit:
     return kpred.fit(kpred.sample_scan(), category="chair", up="y", top_k=2, deform="none")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:

@@ -134,7 +134,8 @@ def test_feed_forward_is_the_lowest_error_of_the_networks_own_keypoints(
     errors = []
     with Database.open(database) as store:
         for target in _targets(packs, "chair"):
-            names = fit(_as_fit_sees_them(target.points), model, store, "chair", 4, "known", partial=False).candidates
+            cloud = _as_fit_sees_them(target.points)
+            names = fit(cloud, model, store, "chair", 4, "known", "paper", partial=False).candidates
             keypoints = encode_scan(target.points[None], model["chair"], partial=False).keypoints[0].numpy()
             entries = [store.entry(candidate.model_id) for candidate in names]
             results = [one.points + one.point_basis @ (keypoints - one.keypoints) for one in entries]
