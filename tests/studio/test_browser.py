@@ -86,6 +86,16 @@ def _until(condition: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+def _set(tab: Any, label: str, value: bool, condition: Callable[[], bool]) -> None:
+    """Set a checkbox, again where the page was just being written by the server when it was clicked."""
+    end = time.monotonic() + LONG / 1000
+    while not condition():
+        assert time.monotonic() < end, "the page did not follow"
+        tab.get_by_label(label).set_checked(not value, force=True)
+        tab.get_by_label(label).set_checked(value, force=True)
+        time.sleep(1.0)
+
+
 def _picture(tab: Any, name: str) -> None:
     if PICTURES:
         tab.wait_for_timeout(4000)
@@ -191,10 +201,8 @@ def test_category_up_unit_deform_and_pins_are_chosen(tab: Any, studio: Studio) -
     tab.get_by_label("Mirror lock").check(force=True)
     _choose(tab, "Axis lock", "y (height)")
     _until(lambda: page.shape.mirror and page.shape.axis == "y")
-    tab.get_by_label("Pinned").check(force=True)
-    _until(lambda: page.session.gestures[-1] == PinKeypoint(3, True))
-    tab.get_by_label("Pinned").uncheck(force=True)
-    _until(lambda: page.session.gestures[-1] == PinKeypoint(3, False))
+    for pinned in (True, False):
+        _set(tab, "Pinned", pinned, lambda pinned=pinned: page.session.gestures[-1] == PinKeypoint(3, pinned))
     _picture(tab, "choices")
     while page.session.can_undo:
         count = len(page.session.gestures)
