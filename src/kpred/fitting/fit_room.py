@@ -84,8 +84,6 @@ def fit_room(
         ScanError: nothing was found.
         ModelError, DatabaseError: they are missing, or the database was made by other weights.
     """
-    if progress is not None:
-        progress(0, 1, "objects of the room")
     return fit_level_room(scene, model, database, progress, up, detector, floor, share, **fit_options).in_scan()
 
 
