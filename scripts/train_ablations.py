@@ -24,18 +24,11 @@ from typing import Any
 import torch
 import torch.multiprocessing as processes
 from ablation_steps import Job, seconds_a_step, with_steps
+from ablation_weights import TrainedRuns, adopt, load_parts, parts_of, read_runs, steps_of, write_runs
 
 from kpred.nn import STAGES, KPRed
 from kpred.nn.config import preset
 from kpred.shapes.pack import MeshPack
-from kpred.training.ablation_weights import (
-    TrainedRuns,
-    load_parts,
-    parts_of,
-    read_runs,
-    steps_of,
-    write_runs,
-)
 from kpred.training.ablations import FULL_ROWS, ROWS, Ablation, AblationRuns, deformation_run
 from kpred.training.config import PAPER, TrainConfig
 from kpred.training.data import TrainingData, prepare
@@ -253,7 +246,7 @@ def unpack_runs(files: list[Path], packs: list[Path], folder: Path) -> None:
         runs = AblationRuns(
             [source.pack], found.model, found.training, place, found.data, source_split=found.source_split
         )
-        taken = runs.adopt(found.parts)
+        taken = adopt(runs, found.parts)
         print(f"{place}: rows {', '.join(taken)}; {steps_of(found.training)}; {found.facts}")
 
 

@@ -138,7 +138,6 @@ COVERED_BY = {
     "synthetic/others/*.py": "synthetic/test_others.py",
     "synthetic/rooms/*.py": "synthetic/rooms/test_rooms.py",
     "training/*.py": "training/test_run.py",
-    "training/ablation_weights.py": "training/test_ablations.py",
     "training/recognition_*.py": "training/test_recognition.py",
     "training/dense_clouds.py": "training/test_visibility.py",
     "training/single_stage.py": "training/test_stages.py",

@@ -13,9 +13,9 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from search_reference import reference_search
 
 from kpred.database import Database
-from kpred.database.search import reference_search
 from kpred.database.sqlite import SqliteBackend
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed, Model, ModelConfig

@@ -11,9 +11,9 @@ import time
 import numpy as np
 import pytest
 import torch
+from search_reference import reference_search
 
 from kpred.database import Database, copy_database
-from kpred.database.search import reference_search
 from kpred.database.token_file import open_table
 from kpred.errors import DatabaseError
 from kpred.nn import KPRed, ModelConfig, save_network

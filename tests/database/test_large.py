@@ -4,10 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
+from search_reference import reference_search
 
 from kpred.database import Database
 from kpred.database import sqlite as sqlite_backend
-from kpred.database.search import reference_search
 from kpred.database.token_file import open_table
 
 

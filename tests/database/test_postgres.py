@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from search_reference import reference_search
 
 from kpred.database import Database, update_database
 from kpred.database import postgres as postgres_backend
 from kpred.database.build import open_or_create
 from kpred.database.postgres import PostgresBackend
-from kpred.database.search import reference_search
 from kpred.errors import DatabaseError
 
 ADDED = ("structure", "point_parts", "point_normals")

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from search_reference import reference_search
 
-from kpred.database.search import TokenIndex, nearest, reference_search
+from kpred.database.search import TokenIndex, nearest
 from kpred.errors import DatabaseError
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from search_reference import reference_search
 
-from kpred.database.search import TokenIndex, reference_search
+from kpred.database.search import TokenIndex
 from kpred.database.token_codes import CodeLayout, Quantiser, bounds, bounds_reference
 from kpred.database.token_file import make_table, open_table
 from kpred.database.token_table import GrowingIndex, TableKey

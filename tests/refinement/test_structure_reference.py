@@ -4,11 +4,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from structure_reference import fit_rounds_reference, match_reference
 
 from kpred.refinement import structure_fit
 from kpred.refinement.matching_cpu import match, seen_points
 from kpred.refinement.structure_config import StructureConfig
-from kpred.refinement.structure_reference import fit_rounds_reference, match_reference
 
 TOLERANCE = 1e-4
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 import torch
+from ablation_weights import RunParts, TrainedRuns, adopt, parts_of, read_runs, write_runs
 
 from kpred.errors import CheckpointError, ConfigError
 from kpred.nn import STAGES, KPRed, ModelConfig, load_network
 from kpred.shapes.pack import MeshPack
-from kpred.training.ablation_weights import RunParts, TrainedRuns, parts_of, read_runs, write_runs
 from kpred.training.ablations import (
     FULL_ROWS,
     PARTIAL_ROWS,
@@ -152,7 +152,7 @@ def test_rows_that_were_trained_elsewhere_are_taken_over(
     assert (found.model, found.training, found.data) == (MODEL, TRAIN, "hash of the pack")
     assert found.facts == {"device": "elsewhere"}
     runs = _runs(pack, tmp_path / "runs", found.training)
-    assert runs.adopt(found.parts) == list(ROWS)
+    assert adopt(runs, found.parts) == list(ROWS)
     for name, row in ROWS.items():
         assert runs.finished(row)
         network = load_network(runs.weights(row))
@@ -168,7 +168,7 @@ def test_of_what_was_trained_elsewhere_only_whole_rows_are_taken(
     for run in ("deformation-without-gsa", "e", "without-cb"):
         del parts[run]
     runs = _runs(pack, tmp_path)
-    assert runs.adopt(parts) == ["c", "d", "f", "with-cb"]
+    assert adopt(runs, parts) == ["c", "d", "f", "with-cb"]
     assert not (tmp_path / "a").exists()
     assert not runs.finished(ROWS["e"])
     file = tmp_path / "trained.safetensors"
@@ -185,7 +185,7 @@ def test_the_settings_of_rows_are_read_back_if_they_are_all_the_same(
 ) -> None:
     with pytest.raises(ConfigError, match="holds no finished row"):
         recorded_training(tmp_path, FULL_ROWS)
-    _runs(pack, tmp_path).adopt(_as_parts(trained))
+    adopt(_runs(pack, tmp_path), _as_parts(trained))
     assert recorded_training(tmp_path, list(ROWS.values())) == (TRAIN, None)
     record = json.loads((tmp_path / "e" / "ablation.json").read_text())
     record["training"]["retrieval"]["steps"] = 4

@@ -3,7 +3,8 @@
 distance(m) = sum_i w_i * || T_query^i - T_m^i ||_1, all w_i = 1 for full scans.
 
 Every way of searching first bounds the distances and then sums those of the few models that are left in float64 and
-in one order, so that all of them give the same numbers to the bit as `reference_search`, whatever the machine.
+in one order, so that all of them give the same numbers to the bit as `tests/twins/search_reference.py`, whatever the
+machine.
 """
 
 from __future__ import annotations
@@ -129,18 +130,3 @@ def nearest(model_ids: Sequence[str], distances: Float[np.ndarray, " models"], t
 def as_result(ranking: Ranking) -> SearchResult:
     """Convert a ranking to a search result."""
     return SearchResult(tuple(name for _, name in ranking), np.array([d for d, _ in ranking], dtype=np.float32))
-
-
-def reference_search(
-    model_ids: tuple[str, ...],
-    tokens: np.ndarray,
-    query: np.ndarray,
-    weights: np.ndarray | None = None,
-    top_k: int = 10,
-) -> SearchResult:
-    """Search tokens (M, K, C) for query (K, C) exactly in float64, as a reference for tests."""
-    weigh = np.ones(len(query)) if weights is None else np.asarray(weights, dtype=np.float64)
-    distances = []
-    for model in np.asarray(tokens, dtype=np.float64):
-        distances.append(sum(w * np.abs(a - b).sum() for w, a, b in zip(weigh, query, model, strict=True)))
-    return as_result(sorted(zip(distances, model_ids, strict=True))[:top_k])

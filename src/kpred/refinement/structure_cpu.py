@@ -1,6 +1,6 @@
 """The structure-keeping fit compiled for the CPU: all rounds of one model in one call.
 
-`kpred.refinement.structure_reference` is the plain version that tests hold this equal to.
+`tests/twins/structure_reference.py` is the plain version that tests hold this equal to.
 """
 
 from __future__ import annotations

@@ -22,7 +22,6 @@ from typing import IO, Any
 from urllib.parse import urlsplit
 
 import kpred.errors
-from kpred._version import __version__
 from kpred.errors import ConfigError, KpredError, ScanError
 from kpred.server.job import NOTES, VERSION
 
@@ -150,8 +149,3 @@ def _answer(address: str, headers: Mapping[str, str], content: bytes) -> ServerA
         return ServerAnswer(files, record, notes, headers.get(VERSION, ""))
     except (zipfile.BadZipFile, ValueError, StopIteration, TypeError, RecursionError) as error:
         raise ServerError(f"{address}: its answer cannot be read ({error}); is it a server of kpred?") from error
-
-
-def same_version(answer: ServerAnswer) -> bool:
-    """Return whether the server is of this version; others may give other results."""
-    return answer.version == __version__

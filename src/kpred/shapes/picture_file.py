@@ -20,7 +20,6 @@ _MAX_PIXELS = 1 << 25
 
 
 _NAMES = ("depth", "mask", "depths", "depth_map", "arr_0")
-_MAX_ID = 2**31
 _SOLID, _MIN_SHADES = 0.8, 5
 """Of an object with soft edges: pixels of full value to all, and different values."""
 

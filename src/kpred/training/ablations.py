@@ -21,7 +21,6 @@ from kpred.json_output import write_json
 from kpred.nn import STAGES, KPRed, ModelConfig, save_network
 from kpred.nn.weights import WEIGHTS_FILE
 from kpred.shapes.pack import MeshPack
-from kpred.training.ablation_weights import RunParts, load_parts
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import TrainConfig
 from kpred.training.data import Progress, TrainingData, prepare
@@ -159,49 +158,25 @@ class AblationRuns:
         folder = self.folder / row.name
         if self.finished(row):
             return folder / "model"
-        self._claim(row.name, row)
+        self.claim(row.name, row)
         if row.partial:
             # With CB and without it go on from the same retrieval.
             self._train(self._retrieval(ROWS["f"]), row, "partial", folder)
-            self._claim(row.name, row, finished=True)
+            self.claim(row.name, row, finished=True)
         else:
             self._retrieval(row)
         return folder / "model"
-
-    def adopt(self, parts: RunParts) -> list[str]:
-        """Take over runs that were trained elsewhere by these settings on these data; names of the rows that are whole.
-
-        What a row lacks is left out: its folder is not touched, and `weights` trains it.
-
-        Raises:
-            CheckpointError: a folder holds a run by other settings or data.
-            OutputError: a folder cannot be written.
-        """
-        taken = []
-        for row in ROWS.values():
-            before = {"deformation": deformation_run(row), "retrieval": "f" if row.partial else row.name}
-            needed = before | ({"partial": row.name} if row.partial else {})
-            if any(run not in parts for run in needed.values()):
-                continue
-            network = new_network(row.changed(self.model), self.config.seed)
-            for stage, run in needed.items():
-                load_parts(network, parts[run], stage)
-            self._claim(row.name, row)
-            save_network(network, self.folder / row.name / "model")
-            self._claim(row.name, row, finished=True)
-            taken.append(row.name)
-        return taken
 
     def _retrieval(self, row: Ablation) -> KPRed:
         name = deformation_run(row)
         # What is learned later does not count: all rows of one GSA share it.
         shared = Ablation(name, gsa=row.gsa)
         for run in (shared, row):
-            self._claim(run.name, run)
+            self.claim(run.name, run)
         deformation = self._train(None, shared, "deformation", self.folder / name)
-        self._claim(name, shared, finished=True)
+        self.claim(name, shared, finished=True)
         network = self._train(deformation, row, "retrieval", self.folder / row.name)
-        self._claim(row.name, row, finished=True)
+        self.claim(row.name, row, finished=True)
         return network
 
     def _train(self, before: KPRed | None, row: Ablation, stage: str, folder: Path) -> KPRed:
@@ -240,7 +215,7 @@ class AblationRuns:
             )
         return self._data
 
-    def _claim(self, name: str, row: Ablation, finished: bool = False) -> None:
+    def claim(self, name: str, row: Ablation, finished: bool = False) -> None:
         """Write the record of a run's settings; refuse a folder that was trained by others."""
         folder = self.folder / name
         record = _read_record(folder) or {}

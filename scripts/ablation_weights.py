@@ -17,8 +17,10 @@ from torch import Tensor
 
 from kpred.atomic import atomic_path
 from kpred.errors import CheckpointError
-from kpred.nn import STAGES, KPRed, ModelConfig
+from kpred.nn import STAGES, KPRed, ModelConfig, save_network
+from kpred.training.ablations import ROWS, AblationRuns, deformation_run
 from kpred.training.config import TrainConfig
+from kpred.training.run import new_network
 
 KEY = "kpred-ablations"
 
@@ -62,6 +64,31 @@ def load_parts(network: KPRed, weights: Mapping[str, Tensor], stage: str) -> Non
     for part in STAGES[stage]:
         module = getattr(network, part)
         module.load_state_dict({key: weights[f"{part}.{key}"].float() for key in module.state_dict()})
+
+
+def adopt(runs: AblationRuns, parts: RunParts) -> list[str]:
+    """Take over runs that were trained elsewhere by the same settings and data, and return the rows that are whole.
+
+    What a row lacks is left out: its folder is not touched, and `AblationRuns.weights` trains it.
+
+    Raises:
+        CheckpointError: a folder holds a run by other settings or data.
+        OutputError: a folder cannot be written.
+    """
+    taken = []
+    for row in ROWS.values():
+        before = {"deformation": deformation_run(row), "retrieval": "f" if row.partial else row.name}
+        needed = before | ({"partial": row.name} if row.partial else {})
+        if any(run not in parts for run in needed.values()):
+            continue
+        network = new_network(row.changed(runs.model), runs.config.seed)
+        for stage, run in needed.items():
+            load_parts(network, parts[run], stage)
+        runs.claim(row.name, row)
+        save_network(network, runs.folder / row.name / "model")
+        runs.claim(row.name, row, finished=True)
+        taken.append(row.name)
+    return taken
 
 
 def write_runs(file: Path, runs: TrainedRuns) -> None:

@@ -6,13 +6,16 @@ Slow; `kpred.refinement.structure_cpu` is held equal to it by tests.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from inspect import signature
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from kpred.ops.typing import Bool, Float, Int
 from kpred.refinement.matching_cpu import MIN_SEEN, SEEN, SHARP
 from kpred.refinement.structure_basis import KINDS, RIGID
-from kpred.refinement.structure_cpu import FLATTEST, LINEAR, RELAXATION, SNAP, SNAPPED, STIFFER
+from kpred.refinement.structure_cpu import FLATTEST, LINEAR, RELAXATION, SNAP, SNAPPED, STIFFER, fit_rounds
 
 MOVE, GROW, LEAN, BEND = range(KINDS)
 
@@ -98,73 +101,41 @@ class Family:
         return rotated
 
 
-def fit_rounds_reference(
-    spline: np.ndarray,
-    own: np.ndarray,
-    bounds: np.ndarray,
-    group: np.ndarray,
-    boxes: np.ndarray,
-    lean_axis: np.ndarray,
-    points: np.ndarray,
-    across: np.ndarray,
-    facing: np.ndarray,
-    start: np.ndarray,
-    visible: np.ndarray,
-    held: np.ndarray,
-    goal: np.ndarray,
-    stiff: np.ndarray,
-    growth: np.ndarray,
-    limits: np.ndarray,
-    spans: np.ndarray,
-    slopes: np.ndarray,
-    can_lean: np.ndarray,
-    can_bend: np.ndarray,
-    end_axis: np.ndarray,
-    end_inside: np.ndarray,
-    end_column: np.ndarray,
-    end_factor: np.ndarray,
-    flush: float,
-    feet: np.ndarray,
-    floor: np.ndarray,
-    rounds: int,
-    robust: float,
-    minimum: float,
-    lean_gain: float,
-    solution: Float[np.ndarray, "3 unknowns"],
-    moved: Float[np.ndarray, "points 3"],
-) -> None:
-    """Fill `solution` and `moved` as `kpred.refinement.structure_cpu.fit_rounds` does."""
-    family = Family(spline, own, bounds, group, boxes, lean_axis, points, growth, limits)
-    rows, leaning = [family.rows(axis) for axis in range(3)], can_lean == 2
-    steps, last = _end_rows(end_axis, end_column, end_factor, stiff.shape[1]), rounds * 2 // 3
-    is_flush = end_inside == 0.0
-    tied = np.where(is_flush, flush, 0.0)
-    for number in range(rounds):
-        sides = facing if number >= last else None
-        wanted, weight = match_reference(moved, goal, visible, number % 2, robust, minimum, sides)
-        outside = end_inside + (steps * solution[end_axis]).sum(axis=1)
+def fit_rounds_reference(*arguments: Any) -> None:
+    """Fill `solution` and `moved` as `kpred.refinement.structure_cpu.fit_rounds` does, from the same arguments."""
+    a = SimpleNamespace(**signature(fit_rounds.py_func).bind(*arguments).arguments)
+    family = Family(a.spline, a.own, a.bounds, a.group, a.boxes, a.lean_axis, a.points, a.growth, a.limits)
+    rows, leaning = [family.rows(axis) for axis in range(3)], a.can_lean == 2
+    steps, last = _end_rows(a.end_axis, a.end_column, a.end_factor, a.stiff.shape[1]), a.rounds * 2 // 3
+    is_flush = a.end_inside == 0.0
+    tied = np.where(is_flush, a.flush, 0.0)
+    for number in range(a.rounds):
+        sides = a.facing if number >= last else None
+        wanted, weight = match_reference(a.moved, a.goal, a.visible, number % 2, a.robust, a.minimum, sides)
+        outside = a.end_inside + (steps * a.solution[a.end_axis]).sum(axis=1)
         if number == last:
             tied = np.where(is_flush & (np.abs(outside) < SNAP), SNAPPED, 0.0)
         if number >= last:
-            tied[~is_flush & (outside * end_factor[:, 1] > 0)] = SNAPPED
-        wanted, weight = wanted + held[:, None] * start, weight + held
-        if number == rounds // 2:
-            leaning |= (can_lean == 1) & _leans_explain(family, wanted, weight, moved, lean_gain, len(can_lean))
-        ahead = RELAXATION if 0 < number < rounds - 2 else 1.0
+            tied[~is_flush & (outside * a.end_factor[:, 1] > 0)] = SNAPPED
+        wanted, weight = wanted + a.held[:, None] * a.start, weight + a.held
+        if number == a.rounds // 2:
+            leaning |= (a.can_lean == 1) & _leans_explain(family, wanted, weight, a.moved, a.lean_gain, len(a.can_lean))
+        ahead = RELAXATION if 0 < number < a.rounds - 2 else 1.0
         for axis in range(3):
-            extra = feet if axis == 1 else 0.0 * feet
-            pull = across[:, axis] * (wanted[:, axis] - weight * points[:, axis]) + extra * (floor - points[:, 1])
-            normal = rows[axis].T @ ((across[:, axis] * weight + extra)[:, None] * rows[axis]) + stiff[axis]
-            mine = steps * (end_axis == axis)[:, None]
+            extra = a.feet if axis == 1 else 0.0 * a.feet
+            pull = a.across[:, axis] * (wanted[:, axis] - weight * a.points[:, axis])
+            pull += extra * (a.floor - a.points[:, 1])
+            normal = rows[axis].T @ ((a.across[:, axis] * weight + extra)[:, None] * rows[axis]) + a.stiff[axis]
+            mine = steps * (a.end_axis == axis)[:, None]
             normal += mine.T @ (tied[:, None] * mine)
-            right = rows[axis].T @ pull - mine.T @ (tied * end_inside)
+            right = rows[axis].T @ pull - mine.T @ (tied * a.end_inside)
             forbidden = np.zeros(len(normal))
             forbidden[family.controls + LEAN :: KINDS] = RIGID * ~leaning[:, axis]
-            forbidden[family.controls + BEND :: KINDS] = RIGID * (can_bend[:, axis] == 0)
-            found = _monotone(normal + np.diag(forbidden), right, family.controls, spans, slopes, axis)
-            solution[axis] += ahead * (found - solution[axis])
-        _clip_growth(family, solution, spans, slopes)
-        moved[:] = family.apply(solution)
+            forbidden[family.controls + BEND :: KINDS] = RIGID * (a.can_bend[:, axis] == 0)
+            found = _monotone(normal + np.diag(forbidden), right, family.controls, a.spans, a.slopes, axis)
+            a.solution[axis] += ahead * (found - a.solution[axis])
+        _clip_growth(family, a.solution, a.spans, a.slopes)
+        a.moved[:] = family.apply(a.solution)
 
 
 def _end_rows(axis: np.ndarray, column: np.ndarray, factor: np.ndarray, unknowns: int) -> np.ndarray:
