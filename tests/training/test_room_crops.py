@@ -67,10 +67,19 @@ def test_other_things_have_no_front(crops: RoomCrops) -> None:
     assert (crops.period[crops.category < 3] > 0).any()
 
 
-def test_categories_are_drawn_equally_often(crops: RoomCrops, generator: torch.Generator) -> None:
+def test_other_things_are_drawn_by_their_fraction(crops: RoomCrops, generator: torch.Generator) -> None:
     drawn = crops.category[crops.draw(4000, 0.4, generator)]
-    shares = torch.bincount(drawn, minlength=4) / 4000
-    assert torch.allclose(shares, torch.tensor([0.2, 0.2, 0.2, 0.4]), atol=0.04)
+    fractions = torch.bincount(drawn, minlength=4) / 4000
+    assert fractions[3] == pytest.approx(0.4, abs=0.04)
+    numbers = torch.bincount(crops.category)[:3].sqrt()
+    assert torch.allclose(fractions[:3], 0.6 * numbers / numbers.sum(), atol=0.04)
+
+
+def test_crops_of_other_things_are_of_their_own_categories(rooms: RoomPack) -> None:
+    narrow, wide = prepare_crops([rooms], NAMES, 0), prepare_crops([rooms], (*NAMES, "lamp", "plant", "sofa"), 0)
+    assert len(wide.category) == len(narrow.category)
+    assert (narrow.category < 3).sum() == (wide.category < 3).sum()
+    assert wide.numbers()["other"] < narrow.numbers()["other"]
 
 
 def test_without_faults_a_crop_is_its_object(crops: RoomCrops, generator: torch.Generator) -> None:
@@ -166,6 +175,6 @@ def test_training_with_rooms_leaves_a_record_and_can_be_refined(
         train_visibility(packs[:3], still, tmp_path / "x", model=VisibilityConfig(width=8), start_from=start)
 
 
-def test_packs_without_a_category_are_refused(rooms: RoomPack) -> None:
-    with pytest.raises(PackError, match="no crop of lamp"):
-        prepare_crops([rooms], ("chair", "lamp"), 0)
+def test_rooms_without_any_of_the_categories_are_refused(rooms: RoomPack) -> None:
+    with pytest.raises(PackError, match="no crop of toaster"):
+        prepare_crops([rooms], ("toaster",), 0)

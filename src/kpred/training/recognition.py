@@ -162,6 +162,24 @@ def smallest_yaw(off: Tensor, period: Tensor) -> Tensor:
     return torch.where(period > 0, reduced, 0.0)
 
 
+def with_categories(earlier: Recognizer, fresh: Recognizer) -> Recognizer:
+    """Copy a recognizer's weights for the categories of another one, which gives those of categories that are new.
+
+    One of another architecture is returned as it is.
+    """
+    names = fresh.config.categories
+    if dataclasses.replace(earlier.config, categories=names) != fresh.config:
+        return earlier
+    changed = Recognizer(fresh.config)
+    weights = {key: value for key, value in earlier.state_dict().items() if not key.startswith("second.")}
+    rows = [earlier.config.categories.index(name) if name in earlier.config.categories else None for name in names]
+    for key in ("output.weight", "output.bias"):
+        new, old = fresh.state_dict()[key], weights[key]
+        weights[key] = torch.stack([*(new[i] if row is None else old[row] for i, row in enumerate(rows)), *old[-2:]])
+    changed.load_state_dict(weights)
+    return changed
+
+
 def train_recognizer(
     packs: Sequence[MeshPack],
     config: RecognitionConfig,
@@ -178,12 +196,13 @@ def train_recognizer(
     """Train one recognizer for the categories of all packs and leave its weights in `folder/model`.
 
     Packs of the category `other` show what is none of them. A stopped run goes on exactly where it was. `start_from`
-    is a recognizer's folder, whose weights the training starts with, and whose architecture is then the default.
+    is a recognizer's folder, whose weights the training starts with, and whose architecture is then the default; what
+    it answers of categories that the packs do not hold is left out, and new categories start at random.
     `world`: as in `kpred.training.run.train`. `rooms`: scanned rooms; crops of them are `config.rooms` of the clouds.
 
     Raises:
         ModelError: if there is no recognizer in `start_from`.
-        ConfigError: if it is of another architecture or knows other categories.
+        ConfigError: if it is of another architecture.
         PackError: if the packs hold too few shapes.
         CheckpointError: if the folder holds a checkpoint of another configuration.
         OutputError: if the folder cannot be written.
@@ -197,8 +216,7 @@ def train_recognizer(
     architecture = dataclasses.replace(model or usual, categories=data.categories)
     network = fresh_network(lambda: Recognizer(architecture), config.seed).to(device)
     if earlier is not None and start_from is not None:
-        earlier.second = None
-        take_weights(network, earlier, start_from, "recognizer")
+        take_weights(network, with_categories(earlier, network), start_from, "recognizer")
     stage = RecognitionStage(network, data, config, crops)
     run_stage(stage, folder, 3, report, resume, world)
     if world.is_first:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -21,8 +20,19 @@ from kpred.training.dense_clouds import sampled_shapes
 OTHER = "other"
 """Category of packs of things that are of none of the categories."""
 
-OTHER_FACTORIES = ("sofa_two", "sofa_three", "chaise")
-"""Factories of chair packs whose shapes count as other things: a sofa has another category in every data set."""
+SOFAS = ("sofa_two", "sofa_three", "chaise")
+"""Factories of chair packs whose shapes are no chairs: a sofa has another category in every data set."""
+
+CATEGORY_OF_NAME = {
+    **dict.fromkeys(SOFAS, "sofa"),
+    **dict.fromkeys(("potted_plant", "tree"), "plant"),
+    **dict.fromkeys(("floor_lamp", "desk_lamp"), "lamp"),
+    **dict.fromkeys(("screen", "laptop"), "display"),
+    "vessel": "vase",
+    "open_box": "box",
+    "bin": "trash_bin",
+}
+"""Categories of things whose names differ from them; they count as other things where the category is not trained."""
 
 SYMMETRY_POINTS = 1024
 """Number of points of each of the two samples for a shape's symmetry."""
@@ -53,14 +63,23 @@ class RecognitionData:
     period: Float[Tensor, " shapes"]
 
     def draw(self, count: int, others: float, generator: torch.Generator) -> Int[Tensor, " count"]:
-        """Draw random shapes: categories equally often, other things with probability `others`."""
-        options: dict[str, Any] = {"generator": generator, "device": self.clouds.device}
-        known = len(self.categories)
-        probability = torch.full((known + 1,), (1 - others) / known, device=self.clouds.device)
-        probability[known] = others if bool((self.category == known).any()) else 0.0
-        number = torch.bincount(self.category, minlength=known + 1).clamp(min=1)
-        chance = (probability / number)[self.category]
-        return torch.multinomial(chance / chance.sum(), count, replacement=True, **{"generator": options["generator"]})
+        """Draw random shapes as `chances` says."""
+        chance = chances(self.category, len(self.categories), others)
+        return torch.multinomial(chance, count, replacement=True, generator=generator)
+
+
+def chances(category: Int[Tensor, " shapes"], known: int, others: float) -> Float[Tensor, " shapes"]:
+    """Compute the probability of each shape to be drawn, by its category.
+
+    Other things have the probability `others` together, if there are any. Of the `known` categories, each is drawn in
+    proportion to the root of the number of its shapes: those with more variety more often, but no other one rarely.
+    """
+    number = torch.bincount(category, minlength=known + 1).float()
+    weight = number.sqrt()
+    weight[:known] *= (1 - others) / weight[:known].sum().clamp(min=1)
+    weight[known] = others if number[known] > 0 else 0.0
+    chance = (weight / number.clamp(min=1))[category]
+    return chance / chance.sum()
 
 
 def prepare_recognition(
@@ -78,9 +97,8 @@ def prepare_recognition(
     categories = tuple(sorted({pack.category for pack in packs} - {OTHER}))
     clouds, category, samples, period = [], [], [], []
     for shape in sampled_shapes(packs, generator, device, progress):
-        known = shape.pack.category in categories and not _is_sofa(shape.pack, shape.index)
         clouds.append(shape.cloud.half())
-        category.append(categories.index(shape.pack.category) if known else len(categories))
+        category.append(category_index(shape.pack.category, _factory(shape.pack, shape.index), categories))
         samples.append(shape.cloud[: 2 * SYMMETRY_POINTS])
         if len(samples) == AT_ONCE:
             period.append(_periods(samples))
@@ -98,8 +116,18 @@ def prepare_recognition(
     )
 
 
-def _is_sofa(pack: MeshPack, index: int) -> bool:
-    return "factory" in pack.extra and str(pack.extra["factory"][index]) in OTHER_FACTORIES
+def category_index(category: str, name: str, known: Sequence[str]) -> int:
+    """Return the index of the category of a shape or thing among the known ones; their number for other things.
+
+    Args:
+        category: of its pack or of its room's list; name: of its family or of the thing.
+    """
+    own = CATEGORY_OF_NAME.get(name, name) if category == OTHER or name in SOFAS else category
+    return known.index(own) if own in known else len(known)
+
+
+def _factory(pack: MeshPack, index: int) -> str:
+    return str(pack.extra["factory"][index]) if "factory" in pack.extra else ""
 
 
 def _periods(samples: Sequence[Tensor]) -> Tensor:

@@ -15,7 +15,7 @@ from kpred.ops.occlusion import random_directions
 from kpred.ops.typing import Bool, Float, Int
 from kpred.synthetic.rooms.pack import GRID, SURFACE_POINTS, UNIT, RoomPack
 from kpred.training.data import Progress
-from kpred.training.recognition_data import AT_ONCE, OTHER, yaw_periods
+from kpred.training.recognition_data import AT_ONCE, OTHER, category_index, chances, yaw_periods
 
 OWN_POINTS, NEAR_POINTS = 640, 192
 """Points of an object, and of what is around it, that are kept of a crop; they repeat where there are fewer."""
@@ -61,12 +61,8 @@ class RoomCrops:
         return dict(zip((*self.categories, OTHER), counts, strict=True))
 
     def draw(self, count: int, others: float, generator: torch.Generator) -> Int[Tensor, " count"]:
-        """Draw random crops: categories equally often, other things with probability `others`."""
-        known = len(self.categories)
-        number = torch.bincount(self.category, minlength=known + 1)
-        fraction = torch.full((known + 1,), (1 - others) / known, device=self.own.device)
-        fraction[known] = others
-        chance = (torch.where(number > 0, fraction, 0.0) / number.clamp(min=1))[self.category]
+        """Draw random crops as `kpred.training.recognition_data.chances` says."""
+        chance = chances(self.category, len(self.categories), others)
         return torch.multinomial(chance, count, replacement=True, generator=generator)
 
 
@@ -80,7 +76,7 @@ def prepare_crops(
     """Cut every furniture and every large other thing out of scanned rooms.
 
     Raises:
-        PackError: if there is no crop of one of the categories.
+        PackError: if there is no crop of any of the categories.
     """
     rng = np.random.default_rng(seed)
     names = tuple(categories)
@@ -92,9 +88,8 @@ def prepare_crops(
             done += 1
             if progress:
                 progress("cutting crops", done, total)
-    found = {names[kind] for kind, *_ in columns if kind < len(names)}
-    if missing := sorted(set(names) - found):
-        raise PackError(f"The room packs hold no crop of {', '.join(missing)}; give packs with more rooms.")
+    if all(kind == len(names) for kind, *_ in columns):
+        raise PackError(f"The room packs hold no crop of {', '.join(names)}; give packs with more rooms.")
     kind, own, own_count, near, near_count, surface, seen, grid = zip(*columns, strict=True)
     kinds = torch.tensor(kind, device=device)
     surfaces = torch.from_numpy(np.stack(surface)).to(device)
@@ -119,8 +114,9 @@ def _crops_of_room(
     points, instance, objects = pack.room(index)
     found = []
     for number, row in enumerate(range(objects.start, objects.stop)):
-        category, line = str(pack.category[row]), int(pack.surface_row[row])
-        if line < 0 or category not in (*names, OTHER) or str(pack.name[row]) in UNDECIDABLE:
+        category, name, line = str(pack.category[row]), str(pack.name[row]), int(pack.surface_row[row])
+        kind = category_index(category, name, names)
+        if line < 0 or category not in (*names, OTHER) or (kind == len(names) and name in UNDECIDABLE):
             continue
         mine = points[instance == number]
         if len(mine) < MIN_POINTS:
@@ -137,7 +133,6 @@ def _crops_of_room(
         seen = np.unpackbits(pack.seen[line]).astype(bool)[:SURFACE_POINTS]
         grid = np.unpackbits(pack.grid[line])[: GRID**3].astype(bool).reshape(GRID, GRID, GRID)
         near = _resized(around, NEAR_POINTS, rng) if len(around) else np.zeros((NEAR_POINTS, 3), np.float32)
-        kind = names.index(category) if category in names else len(names)
         own = canonical(_resized(mine, OWN_POINTS, rng))
         own_count, near_count = min(len(mine), OWN_POINTS), min(len(around), NEAR_POINTS)
         found.append((kind, own, own_count, canonical(near), near_count, surface, seen, grid))
