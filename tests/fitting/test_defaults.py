@@ -4,16 +4,19 @@ import gc
 import os
 import shutil
 import weakref
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from kpred.database import Database
+from kpred.database import Database, build_database
 from kpred.errors import DatabaseError, ModelError
 from kpred.fitting.defaults import LOADED, bundled_database_path, resolve_database, resolve_model, shared_categories
 from kpred.fitting.file_cache import FileCache
-from kpred.nn import KPRed, ModelConfig, load_model, save_network
+from kpred.nn import KPRed, Model, ModelConfig, Recognizer, RecognizerConfig, load_model, save_network
+from kpred.nn.config import SHARED
+from kpred.synthetic.generator import generate
 
 
 def network(seed: int) -> KPRed:
@@ -88,3 +91,21 @@ def test_few_models_are_kept() -> None:
     assert len(cache) == LOADED
     assert cache.get("first", 0, object) is first
     assert cache.get("first", 1, object) is not first
+
+
+def test_categories_that_a_recognizer_distinguishes_are_searched_and_others_when_they_are_named(
+    untrained: Model, tmp_path: Path
+) -> None:
+    torch.manual_seed(0)
+    anything = KPRed(ModelConfig(category=SHARED, width=16, token_size=8, region_points=16, stages=1)).eval()
+    model = replace(untrained, networks={**untrained.networks, SHARED: anything})
+    wide = replace(model, shared_recognizer=Recognizer(RecognizerConfig(("chair", "lamp", "table"), width=8)))
+    file = tmp_path / "many.kpred"
+    shapes = [(f"{name}_{i}", name, "", generate("lamp", 1, i)[0]) for name in ("chair", "lamp", "orb") for i in (0, 1)]
+    build_database(file, shapes, model)
+    with Database.open(file) as many:
+        assert shared_categories(wide, many, None) == ["chair", "lamp"]
+        assert shared_categories(wide, many, "orb") == ["orb"]
+        assert shared_categories(model, many, None) == ["chair"], "nothing distinguishes the others"
+        many.remove([name for name in many.model_ids() if "orb" not in name])
+        assert shared_categories(wide, many, None) == shared_categories(model, many, None) == ["orb"]

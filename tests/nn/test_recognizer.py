@@ -8,6 +8,7 @@ import torch
 
 from kpred.errors import ConfigError, ModelError
 from kpred.nn import Recognizer, RecognizerConfig, load_model, load_recognizer, save_network, save_recognizer
+from kpred.nn.calibration import Calibration, save_calibration
 from kpred.nn.recognizer import MAX_YAW_CORRECTION, robust_unit_box
 
 CONFIG = RecognizerConfig(("chair", "table"), width=16, blocks=1)
@@ -68,6 +69,28 @@ def test_it_comes_back_from_beside_the_categories(
     for one, two in zip(recognizer(clouds), model.recognizer(clouds), strict=True):
         assert torch.allclose(one, two, atol=0.02)  # weights are kept in half precision
     assert model.recognizer.config == CONFIG
+
+
+def test_the_shared_recognizer_takes_over_where_the_other_does_not_know_all(
+    recognizer: Recognizer, tmp_path: Path, small
+) -> None:
+    save_network(small(category="chair"), tmp_path / "chair")
+    save_recognizer(recognizer, tmp_path / "recognizer")
+    save_recognizer(Recognizer(RecognizerConfig(("chair", "lamp", "table"), width=16)), tmp_path / "recognizer_any")
+    own, shared = (Calibration(("constant", "odds"), (number, 0.5), (number,), {}) for number in (1.0, 2.0))
+    save_calibration(own, tmp_path)
+    save_calibration(shared, tmp_path / "recognizer_any")
+    model = load_model(tmp_path)
+    assert model.categories == ("chair",), "recognizers are no networks of a category"
+    for asked, found, calibration in (
+        (("chair", "table"), model.recognizer, own),
+        (("chair", "lamp"), model.shared_recognizer, shared),
+        (("lamp",), model.shared_recognizer, shared),
+        (("chair", "spaceship"), None, own),
+    ):
+        assert model.recognizer_of(asked) is found
+        assert model.calibration_of(asked) == calibration
+    assert set(model.scan_networks) == {"recognizer", "recognizer_any"}
 
 
 def test_a_damaged_folder_is_named(recognizer: Recognizer, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from kpred.errors import ConfigError
 from kpred.nn import Recognizer, RecognizerConfig
 from kpred.ops.rotations import upright_rotation, yaw_rotation
 from kpred.pose.proposals import generate_poses, score_poses, up_axis
-from kpred.pose.recognition import recognize_poses
+from kpred.pose.recognition import recognize_poses, select_odds
 
 
 class Oracle(Recognizer):
@@ -56,6 +56,15 @@ def test_readings_come_by_falling_odds_and_only_of_the_asked_categories(scan: np
     assert {hypothesis.category for hypothesis in found} == {"table"}
     odds = [hypothesis.log_odds for hypothesis in found]
     assert odds == sorted(odds, reverse=True) and len(found) > 1
+
+
+def test_categories_that_nobody_asked_for_count_as_none_unless_the_category_is_given() -> None:
+    recognizer = Recognizer(RecognizerConfig(("chair", "sofa", "table"), width=8, blocks=0))
+    odds = np.array([[1.0, 6.0, -2.0]])
+    assert np.allclose(select_odds(odds, recognizer, ("chair", "table", "sofa")), [[1.0, -2.0, 6.0]])
+    against_sofa = select_odds(odds, recognizer, ("chair", "table"))
+    assert np.allclose(against_sofa, np.array([[1.0, -2.0]]) - np.log(1 + np.exp(6.0)))
+    assert np.allclose(select_odds(odds, recognizer, ("chair",)), [[1.0]])
 
 
 def test_given_rotations_are_kept_and_judged(scan: np.ndarray) -> None:

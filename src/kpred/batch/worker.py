@@ -217,7 +217,7 @@ def _placed(name: str | None, device: str) -> Model:
 
     model = load_model(name).to(device)
     parts: list[nn.Module] = [part for network in model.values() for part in network.children()]
-    parts += [part for part in (model.recognizer, model.visibility) if part is not None]
+    parts += model.scan_networks.values()
     for part in parts:
         part.register_forward_pre_hook(lambda _, inputs: moved(inputs, device))
         part.register_forward_hook(lambda _, __, output: moved(output, "cpu"))

@@ -40,7 +40,7 @@ def assess(deformed: Deformed, placed: Placed, tried: Tried, scan: CleanScan, co
         context.recognizer is not None,
     )
     parted = joint_gap(explanation)
-    sure = confidence(evidence, context.model.calibration) * joint_factor(parted)
+    sure = confidence(evidence, context.model.calibration_of(context.categories)) * joint_factor(parted)
     of_categories = category_probabilities(tried.every)
     frame = tried.best.frame
     floor = None if scan.floor is None else (scan.floor - float((frame.rotation @ frame.center)[1])) / frame.scale

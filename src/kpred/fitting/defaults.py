@@ -78,8 +78,8 @@ def resolve_database(database: Database | str | os.PathLike[str] | None) -> Data
 def shared_categories(model: Model, database: Database, category: str | None) -> list[str]:
     """Return the categories of both model and database, or only the given one.
 
-    Where some have networks of their own, those are returned alone: the recognizer distinguishes them. Others are
-    searched when they are named, or in a database that holds no others.
+    Those that the shared recognizer distinguishes are returned alone, without one those with networks of their own.
+    Others are searched when they are named, or in a database that holds no such ones.
 
     Raises:
         DatabaseError: if the database was made by other weights, or is empty.
@@ -90,7 +90,10 @@ def shared_categories(model: Model, database: Database, category: str | None) ->
         model[category]
         return [category]
     stored = database.categories()
-    shared = [name for name in model.categories if name in stored] or [name for name in stored if name in model]
+    alone = model.categories if model.shared_recognizer is None else model.shared_recognizer.config.categories
+    ordered = [*model.categories, *(name for name in stored if name not in model.categories)]
+    usable = [name for name in ordered if name in stored and name in model]
+    shared = [name for name in usable if name in alone] or usable
     if not shared:
         raise DatabaseError(f"Database {database.path} holds no models; add some with 'kpred database add'.")
     return shared

@@ -176,7 +176,8 @@ def fit_scene(
         if name in fit_options:
             raise ConfigError(f"{name} is given by the scene's objects; leave the option out.")
     networks, store = resolve_model(model), resolve_database(database)
-    known = tuple(shared_categories(networks, store, None))
+    shared_categories(networks, store, None)
+    known = tuple(name for name in store.categories() if name in networks)
     if isinstance(floor, bool):
         ground = find_floor(scene, objects) if floor else None
     else:

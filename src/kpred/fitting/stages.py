@@ -50,9 +50,8 @@ class Context:
 
     @property
     def recognizer(self) -> Recognizer | None:
-        """The model's recognizer, where it knows all of the categories."""
-        found = self.model.recognizer
-        return found if found is not None and found.knows(self.categories) else None
+        """The model's recognizer that knows all of the categories, if there is one."""
+        return self.model.recognizer_of(self.categories)
 
     @classmethod
     def load(

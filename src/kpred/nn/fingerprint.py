@@ -23,14 +23,14 @@ def weights_fingerprint(model: Model) -> str:
 
 def _hashed(model: Model) -> str:
     digest = hashlib.sha256()
-    parts: dict[str, nn.Module | None] = {**model.networks, "/recognizer": model.recognizer}
-    parts["/visibility"] = model.visibility
+    parts: dict[str, nn.Module] = {**model.networks}
+    parts |= {f"/{name}": part for name, part in model.scan_networks.items()}
     for name, part in sorted(parts.items()):
-        if part is None:
-            continue
         digest.update(f"{name} {getattr(part, 'config', '')!r}\n".encode())
         for key, value in sorted(part.state_dict().items()):
             digest.update(f"{key} {tuple(value.shape)}\n".encode())
             digest.update(value.detach().cpu().numpy().tobytes())
     digest.update(repr(model.calibration).encode())
+    if model.shared_calibration is not None:
+        digest.update(repr(model.shared_calibration).encode())
     return digest.hexdigest()

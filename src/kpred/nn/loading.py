@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 
 import torch
+from torch import nn
 
 from kpred.errors import ModelError
 from kpred.nn.calibration import Calibration, load_calibration
@@ -22,6 +23,9 @@ from kpred.nn.weights import CONFIG_FILE, WEIGHTS_FILE, load_weights, save_weigh
 
 RECOGNIZER = "recognizer"
 """Folder of the recognizer beside the categories' folders."""
+
+SHARED_RECOGNIZER = "recognizer_any"
+"""Folder of the recognizer of many more categories, and of the calibration of confidence with it."""
 
 SECOND = "second"
 """Folder of another recognizer in the first one's."""
@@ -36,8 +40,10 @@ class Model(Mapping[str, KPRed]):
 
     Networks of the category `SHARED` serve every category that has none of its own.
     `recognizer` predicts category and yaw of a scan, where the model has one; without it both are found by fitting.
+    `shared_recognizer` does so where there are categories that `recognizer` does not know.
     `visibility` predicts where a scanner would have seen surface, where the model has such a network.
-    `calibration` turns evidence into confidence; None takes the built-in one.
+    `calibration` turns evidence into confidence; None takes the built-in one. `shared_calibration`: where
+    `shared_recognizer` gave the evidence.
     """
 
     name: str
@@ -45,6 +51,8 @@ class Model(Mapping[str, KPRed]):
     recognizer: Recognizer | None = None
     visibility: VisibilityNetwork | None = None
     calibration: Calibration | None = None
+    shared_recognizer: Recognizer | None = None
+    shared_calibration: Calibration | None = None
 
     def __getitem__(self, category: str) -> KPRed:
         """Return the category's networks.
@@ -76,14 +84,33 @@ class Model(Mapping[str, KPRed]):
         """Names of the categories with networks of their own."""
         return tuple(name for name in self.networks if name != SHARED)
 
+    @property
+    def scan_networks(self) -> dict[str, nn.Module]:
+        """The networks beside those of the categories, by their folders' names."""
+        found = {
+            RECOGNIZER: self.recognizer,
+            SHARED_RECOGNIZER: self.shared_recognizer,
+            VISIBILITY: self.visibility,
+        }
+        return {name: network for name, network in found.items() if network is not None}
+
+    def recognizer_of(self, categories: Iterable[str]) -> Recognizer | None:
+        """Return the recognizer that knows all of the categories, the shared one only if the other does not."""
+        asked = tuple(categories)
+        for one in (self.recognizer, self.shared_recognizer):
+            if one is not None and one.knows(asked):
+                return one
+        return None
+
+    def calibration_of(self, categories: Iterable[str]) -> Calibration | None:
+        """Return the calibration of confidence for results of these categories; None takes the built-in one."""
+        found = self.recognizer_of(categories)
+        return self.shared_calibration if found is not None and found is self.shared_recognizer else self.calibration
+
     def to(self, device: torch.device | str) -> Model:
         """Move the networks to `device` in place, and return this model."""
-        for network in self.networks.values():
+        for network in (*self.networks.values(), *self.scan_networks.values()):
             network.to(device)
-        if self.recognizer is not None:
-            self.recognizer.to(device)
-        if self.visibility is not None:
-            self.visibility.to(device)
         return self
 
 
@@ -113,7 +140,8 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     """Load weights: None or a name in `BUNDLED` for those of the package, else a folder or `hf://owner/name@revision`.
 
     A folder holds config.json and model.safetensors of one category, or one such folder a category and, if there are
-    any, `recognizer`, `visibility` and calibration.json. Only such an address is looked up on the Hugging Face Hub.
+    any, `recognizer`, `recognizer_any`, `visibility` and calibration.json. Only such an address is looked up on the
+    Hugging Face Hub.
 
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
@@ -137,18 +165,20 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)
         return Model(name, {network.config.category: network}, calibration=load_calibration(folder))
-    common = (RECOGNIZER, VISIBILITY)
+    common = (RECOGNIZER, SHARED_RECOGNIZER, VISIBILITY)
     parts = sorted(part for part in folder.iterdir() if (part / CONFIG_FILE).is_file() and part.name not in common)
     if not parts:
         raise ModelError(f"No weights in {folder}: expected {CONFIG_FILE} and {WEIGHTS_FILE}, or a folder a category.")
     networks = {network.config.category: network for network in (load_network(part, device) for part in parts)}
-    with_recognizer, with_visibility = ((folder / part / CONFIG_FILE).is_file() for part in common)
+    recognizer, shared_recognizer, visibility = ((folder / part / CONFIG_FILE).is_file() for part in common)
     return Model(
         name,
         networks,
-        load_recognizer(folder / RECOGNIZER, device) if with_recognizer else None,
-        load_visibility(folder / VISIBILITY, device) if with_visibility else None,
+        load_recognizer(folder / RECOGNIZER, device) if recognizer else None,
+        load_visibility(folder / VISIBILITY, device) if visibility else None,
         load_calibration(folder),
+        load_recognizer(folder / SHARED_RECOGNIZER, device) if shared_recognizer else None,
+        load_calibration(folder / SHARED_RECOGNIZER) if shared_recognizer else None,
     )
 
 

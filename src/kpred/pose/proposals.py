@@ -17,6 +17,7 @@ from kpred.pose.recognition import (
     make_hypotheses,
     predict_logits,
     recognize_poses,
+    select_odds,
 )
 from kpred.pose.up_axis import PRIOR, up_scores
 from kpred.pose.yaw import MERGE_ANGLE
@@ -129,10 +130,8 @@ def score_poses(
 ) -> list[PoseHypothesis]:
     """Combine given rotations with every category, with log-odds by the recognizer if there is one."""
     if recognizer is not None and recognizer.knows(categories):
-        columns = [recognizer.config.categories.index(name) for name in categories]
-        return make_hypotheses(
-            rotations, predict_logits(points[:COARSE_POINTS], rotations, recognizer)[0][:, columns], categories
-        )
+        odds, _ = predict_logits(points[:COARSE_POINTS], rotations, recognizer)
+        return make_hypotheses(rotations, select_odds(odds, recognizer, categories), categories)
     odds = np.full((len(rotations), len(categories)), ROTATED_LOG_ODDS)
     odds[0] = 0.0
     return make_hypotheses(rotations, odds, categories)

@@ -69,9 +69,8 @@ def recognize_poses(
     standing = points[:POINTS] @ upright.T
     geometric = yaw_hypotheses(points @ upright.T, GEOMETRIC_YAWS)
     around = [*np.radians(np.arange(0, 360, YAW_STEP)), *geometric]
-    columns = [recognizer.config.categories.index(name) for name in categories]
     odds, missing = predict_logits(standing[:COARSE_POINTS], [yaw_rotation(yaw) for yaw in around], recognizer)
-    best = odds[:, columns].max(axis=1)
+    best = select_odds(odds, recognizer, categories).max(axis=1)
     yaws: list[float] = []
     for row in np.argsort(-best):
         yaw = _nearest(around[row] + missing[row], geometric)
@@ -81,7 +80,23 @@ def recognize_poses(
             break
     rotations = [yaw_rotation(yaw) for yaw in yaws]
     odds, _ = predict_logits(standing, rotations, recognizer.predict_ensemble)
-    return make_hypotheses([rotation @ upright for rotation in rotations], odds[:, columns], categories)
+    chosen = select_odds(odds, recognizer, categories)
+    return make_hypotheses([rotation @ upright for rotation in rotations], chosen, categories)
+
+
+def select_odds(
+    odds: Float[np.ndarray, "rotations known"], recognizer: Recognizer, categories: Sequence[str]
+) -> Float[np.ndarray, "rotations categories"]:
+    """Select the log-odds of the categories of interest; the recognizer's other ones then count as none of them.
+
+    A single category of interest is taken as given: nothing else is possible then.
+    """
+    names = recognizer.config.categories
+    selected = odds[:, [names.index(name) for name in categories]]
+    rest = [column for column, name in enumerate(names) if name not in categories]
+    if len(categories) < 2 or not rest:
+        return selected
+    return selected - np.logaddexp.reduce(odds[:, rest], axis=1, initial=0.0, keepdims=True)
 
 
 def make_hypotheses(

@@ -16,6 +16,7 @@ from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import yaw_between, yaw_error
 from kpred.evaluation.scans.outcome import YAW_RIGHT, FailedFit, FitOutcome, FitSettings, claims, moved, try_fit
 from kpred.evaluation.scans.targets import ScanTarget
+from kpred.fitting.stages import Context
 from kpred.ops.rotations import upright_rotation
 from kpred.pose.proposals import up_axis
 
@@ -90,7 +91,8 @@ def measure_scan(target: ScanTarget, category: str, settings: FitSettings, keep_
     found = try_fit(target.scan, settings, up="y")
     truth: dict[str, Any] = {"model_id": target.model_id, "category": category, "symmetry": target.symmetry.name}
     # The rotation takes z up to y up; from the right it takes y up to z up.
-    truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", settings.model.recognizer)
+    recognizer = Context.load(settings.model, settings.database, None).recognizer
+    truth["up"] = up_axis(target.scan @ upright_rotation("z"), "auto", recognizer)
     given = try_fit(target.known, settings, frame="known", category=category, partial=True)
     known = None if isinstance(given, FailedFit) else errors_of_result(given.mesh, target)
     known_failure = given.reason if isinstance(given, FailedFit) else None
