@@ -10,7 +10,9 @@ import sys
 from pathlib import Path
 
 from kpred import load_model
-from kpred.evaluation import TableConfig, make_table, write_table
+from kpred.evaluation.tables.config import TableConfig
+from kpred.evaluation.tables.make_table import make_table
+from kpred.evaluation.tables.table import write_table
 from kpred.shapes import MeshPack
 from kpred.synthetic.generator import generate
 

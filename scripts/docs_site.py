@@ -39,11 +39,11 @@ PUBLIC = {
     "kpred.shapes": "Meshes, scans, packs, cameras and their files.",
     "kpred.ops": "Geometry on arrays and tensors.",
     "kpred.batch": "Very many scans.",
-    "kpred.evaluation": "Measurements.",
 }
 """Packages with public names, each a page of the API reference."""
 
 MODULES = {
+    "kpred.evaluation": ("methods.method", "tables.config", "tables.make_table", "tables.table"),
     "kpred.fitting": ("fit_scene",),
     "kpred.pose": ("estimators",),
     "kpred.preprocessing": ("config", "clean"),

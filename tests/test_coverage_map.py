@@ -34,6 +34,7 @@ COVERED_BY = {
     "cli/fit_files.py": "cli/test_overwrite.py",
     "cli/fit_many.py": "batch/test_batch.py",
     "cli/info.py": "cli/test_main.py",
+    "cli/pack_files.py": "cli/test_files.py",
     "cli/plot.py": "evaluation/test_plots.py",
     "cli/process*.py": "cli/test_main.py",
     "cli/progress.py": "cli/test_output.py",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 from tyro.conf import arg
@@ -31,6 +32,22 @@ class Command:
     @abstractmethod
     def run(self, output: Output) -> None:
         """Do the work and print its result. Raises KpredError for what the user can mend."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkCommand(Command):
+    """A command that works with trained networks."""
+
+    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
+    """Trained networks: a name or a folder; without it, the bundled ones"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitsCommand(NetworkCommand):
+    """A command that fits, or describes what fits need: networks and a database."""
+
+    database: Annotated[Path | None, arg(metavar="FILE")] = None
+    """CAD database (.kpred); without it, the bundled one"""
 
 
 class Group(dict[str, "type[Command] | Group"]):

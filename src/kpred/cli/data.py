@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from kpred.cli.data_infinigen import InfinigenCommand
 from kpred.cli.data_rooms import RoomsCommand
 from kpred.cli.data_sets import CheckCommand, PrepareCommand
 from kpred.cli.output import Output
+from kpred.cli.pack_files import check_pack_place, split_counts
 from kpred.cli.usage import UsageError
 
 
@@ -47,13 +47,9 @@ class GenerateCommand(Command):
 
     def run(self, output: Output) -> None:
         """Generate, write, print the numbers."""
-        from kpred.atomic import check_place
-        from kpred.errors import OutputError
         from kpred.synthetic.generator import generate
 
-        if self.output.suffix.lower() != ".npz":
-            raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")
-        check_place(self.output)
+        check_pack_place(self.output, "mesh")
         pack = generate(
             self.category, self.count, self.seed, cuboids=self.cuboids, splits=self.splits, coarse=self.coarse
         )
@@ -90,7 +86,7 @@ def _print_packs(output: Output, packs: Sequence[tuple[Path, Any]]) -> None:
             "path": path,
             "category": pack.category,
             "shapes": len(pack),
-            "splits": dict(sorted(Counter(pack.split.tolist()).items())),
+            "splits": split_counts(pack),
             "median_faces": float(np.median(np.diff(pack.face_offsets))) if len(pack) else 0.0,
             "parts": 0 if pack.part_names is None else len(pack.part_names),
         }

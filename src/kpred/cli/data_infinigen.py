@@ -12,6 +12,8 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.cli.pack_files import check_pack_place, split_counts
+from kpred.cli.stopping import resumable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,37 +46,22 @@ class InfinigenCommand(Command):
 
     def run(self, output: Output) -> None:
         """Make with a progress bar, write, print the numbers."""
-        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
         from kpred.datasets.infinigen import generate_infinigen
-        from kpred.errors import OutputError
 
-        if self.output.suffix.lower() != ".npz":
-            raise OutputError(f"Cannot write {self.output}: mesh packs are .npz files; give it that extension.")
-        check_place(self.output)
+        check_pack_place(self.output, "mesh")
         folder = self.output.with_name(f"{self.output.name}.shapes")
-        try:
-            with ProgressBar() as bar:
-                done = generate_infinigen(
-                    self.category,
-                    self.count,
-                    folder,
-                    self.seed,
-                    self.python,
-                    self.workers,
-                    self.max_faces,
-                    bar.update,
-                )
-        except KeyboardInterrupt as error:
-            raise KeyboardInterrupt(f"{folder} keeps what was made, and the same command goes on") from error
+        with resumable(f"{folder} keeps what was made, and the same command goes on"), ProgressBar() as bar:
+            done = generate_infinigen(
+                self.category, self.count, folder, self.seed, self.python, self.workers, self.max_faces, bar.update
+            )
         done.pack.save(self.output)
-        splits = dict(sorted(Counter(done.pack.split.tolist()).items()))
         output.result(
             {
                 "path": self.output,
                 "category": self.category,
                 "shapes": len(done.pack),
-                "splits": splits,
+                "splits": split_counts(done.pack),
                 "made": done.made,
                 "kept": done.kept,
                 "failed": [vars(issue) for issue in done.failed],

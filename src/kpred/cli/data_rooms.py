@@ -11,6 +11,7 @@ from tyro.conf import arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.cli.pack_files import check_pack_place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,15 +47,11 @@ class RoomsCommand(Command):
 
     def run(self, output: Output) -> None:
         """Generate with a progress bar, write, print the numbers."""
-        from kpred.atomic import check_place
         from kpred.cli.progress import ProgressBar
-        from kpred.errors import OutputError
         from kpred.shapes.pack import MeshPack
         from kpred.synthetic.rooms.generate import generate_rooms
 
-        if self.output.suffix.lower() != ".npz":
-            raise OutputError(f"Cannot write {self.output}: room packs are .npz files; give it that extension.")
-        check_place(self.output)
+        check_pack_place(self.output, "room")
         packs = [MeshPack.load(path) for path in self.packs]
         scanner = None if self.scanner == "mixed" else self.scanner
         with ProgressBar() as bar:

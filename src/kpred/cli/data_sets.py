@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command
 from kpred.cli.output import Output
+from kpred.cli.stopping import resumable
 
 if TYPE_CHECKING:
     from kpred.datasets import Dataset, Issue
@@ -107,11 +108,8 @@ class PrepareCommand(_DatasetCommand):
         from kpred.cli.progress import ProgressBar
         from kpred.datasets import prepare_dataset
 
-        try:
-            with ProgressBar() as bar:
-                done = prepare_dataset(self.dataset(), self.output, self.workers, bar.update)
-        except KeyboardInterrupt as error:
-            raise KeyboardInterrupt(f"{self.output} keeps what was read, and the same command goes on") from error
+        with resumable(f"{self.output} keeps what was read, and the same command goes on"), ProgressBar() as bar:
+            done = prepare_dataset(self.dataset(), self.output, self.workers, bar.update)
         output.result(done.to_json())
         rows = [
             (category, split, count, done.packs[category])

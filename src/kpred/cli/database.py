@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, NetworkCommand
 from kpred.cli.database_build import AddCommand, BuildCommand, DatabasePath
 from kpred.cli.database_get import GetCommand
 from kpred.cli.database_transfer import CopyCommand, UpdateCommand
@@ -113,7 +113,7 @@ def _size(facts: dict[str, Any]) -> str | None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchCommand(Command):
+class SearchCommand(NetworkCommand):
     """List the models of a database that retrieval finds for a scan, nearest first.
 
     examples:
@@ -127,8 +127,6 @@ class SearchCommand(Command):
     """Point cloud or mesh of one object"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """Search this category; without it, the one that fits best"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many models to list"""
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import NetworkCommand
 from kpred.cli.output import Output
+from kpred.cli.stopping import resumable
 from kpred.cli.usage import UsageError
 from kpred.database.address import masked
 
@@ -25,15 +26,13 @@ Source = Annotated[Positional[Path], arg(metavar="PACK_OR_FOLDER")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class EncodingCommand(Command):
+class EncodingCommand(NetworkCommand):
     """What building and adding have in common."""
 
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """Take this category only; for a folder that names none, the category of its meshes"""
     split: Annotated[str | None, arg(metavar="NAME")] = None
     """Take this split of a pack only: source, train or val"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "y"
     """Up axis of the meshes; they are rotated so that it is y"""
     batch: Annotated[int, arg(metavar="N")] = 16
@@ -67,28 +66,28 @@ class EncodingCommand(Command):
         model = load_model(self.model)
         check = ModelCheck(model.recognizer, self.up)
         shapes = check.watch(open_shapes(source, self.category, self.split, unreadable.append, self.appearance))
-        try:
-            with self._cluster(model) as encoder, ProgressBar() as bar:
-                report = build_database(
-                    file,
-                    shapes,
-                    model,
-                    batch=self.batch,
-                    seed=self.seed,
-                    resume=resume,
-                    workers=1 if self.workers is None else self.workers,
-                    progress=lambda done: bar.update("encoding models", done),
-                    encoder=encoder,
-                    update=self.update,
-                    keep_empty=False,
-                )
-                if report.added or report.replaced:
-                    with Database.open(file) as database:
-                        database.prepare_search(lambda done, total: bar.update("preparing search", done, total))
-        except BaseException as error:
-            if isinstance(error, KeyboardInterrupt) and resume and Database.exists(file):
-                raise KeyboardInterrupt(f"{masked(file)} is whole, and the same command goes on with it") from error
-            raise
+        kept = f"{masked(file)} is whole, and the same command goes on with it"
+        with (
+            resumable(kept, lambda: resume and Database.exists(file)),
+            self._cluster(model) as encoder,
+            ProgressBar() as bar,
+        ):
+            report = build_database(
+                file,
+                shapes,
+                model,
+                batch=self.batch,
+                seed=self.seed,
+                resume=resume,
+                workers=1 if self.workers is None else self.workers,
+                progress=lambda done: bar.update("encoding models", done),
+                encoder=encoder,
+                update=self.update,
+                keep_empty=False,
+            )
+            if report.added or report.replaced:
+                with Database.open(file) as database:
+                    database.prepare_search(lambda done, total: bar.update("preparing search", done, total))
         left_out = unreadable + [f"{name}: {reason}" for name, reason in report.failed]
         if not (report.added or report.skipped_present or report.replaced or report.changed):
             why = left_out[0] if left_out else "no shape of that category and split is there"

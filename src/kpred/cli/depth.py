@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, FitsCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.refinement.config import Deform
@@ -25,7 +25,7 @@ _SURE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitDepthCommand(Command):
+class FitDepthCommand(FitsCommand):
     """Fit a CAD model to one object in depth pictures of a known camera.
 
     The result is a mesh in the world of the poses, in metres; without poses it is in the camera's own axes (x right,
@@ -72,10 +72,6 @@ class FitDepthCommand(Command):
     may look down, or, named, of one that looks level"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
-    database: Annotated[Path | None, arg(metavar="FILE")] = None
-    """CAD database (.kpred); without it, the bundled one"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models to deform and compare"""
     partial: Literal["auto", "yes", "no"] = "auto"

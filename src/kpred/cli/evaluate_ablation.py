@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
+from kpred.cli.stopping import resumable
 from kpred.cli.table_options import PackTableCommand
+from kpred.cli.train_options import loss_note
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
@@ -37,16 +39,7 @@ class AblationCommand(PackTableCommand):
 
     runs: Annotated[Path, arg(metavar="FOLDER")] = Path("runs/ablation")
     """Folder of all runs, FOLDER/<data set>/<category>/<row>"""
-    rows: Annotated[tuple[str, ...], arg(metavar="ROW [ROW ...]")] = (
-        "a",
-        "b",
-        "c",
-        "d",
-        "e",
-        "f",
-        "with-cb",
-        "without-cb",
-    )
+    rows: Annotated[tuple[str, ...], arg(metavar="ROW [ROW ...]")] = (*"abcdef", "with-cb", "without-cb")
     """Which rows"""
     steps: Annotated[int | None, arg(metavar="N")] = None
     """Steps of each training stage; without it, those of the preset"""
@@ -102,15 +95,11 @@ class AblationCommand(PackTableCommand):
             trained[source.name] = own.to_dict()
             return self._runs(source, own, folder, data_hash, device, split, bar)
 
-        try:
+        kept = f"{self.runs} keeps what was trained and measured; the same command goes on from it"
+        with resumable(f"{kept}, and with --finished prints what there is"):
             table = make_ablation_table(
                 self.packs, rows, self.runs, runs, config, only_finished=self.finished, progress=bar.update
             )
-        except KeyboardInterrupt as error:
-            raise KeyboardInterrupt(
-                f"{self.runs} keeps what was trained and measured; the same command goes on from it, and with "
-                "--finished prints what there is"
-            ) from error
         first, *others = trained.values()
         table.header["training"] = trained if any(other != first for other in others) else first
         return table
@@ -129,7 +118,7 @@ class AblationCommand(PackTableCommand):
         from kpred.training.ablations import AblationRuns
 
         def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
-            bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+            bar.update(stage, done, total, loss_note(losses))
 
         model = preset(self.preset, source.pack.category)
         return AblationRuns([source.pack], model, training, folder, data_hash, device, split, bar.update, report)

@@ -9,12 +9,12 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from kpred.cli.output import Output
-from kpred.cli.scan_options import FitsCommand
+from kpred.cli.scan_options import MeasuredFitsCommand
 from kpred.cli.usage import UsageError
 
 
 @dataclass(frozen=True, kw_only=True)
-class CatalogueCommand(FitsCommand):
+class CatalogueCommand(MeasuredFitsCommand):
     """Scan models of the database itself, and measure whether they are found again and left as they are.
 
     Each model is scanned by a virtual depth camera, with noise and outliers, in its own size, turned and moved. The fit

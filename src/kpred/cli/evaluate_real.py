@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from kpred.cli.output import Output
-from kpred.cli.scan_options import FitsCommand
+from kpred.cli.scan_options import MeasuredFitsCommand
 from kpred.cli.usage import UsageError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RealCommand(FitsCommand):
+class RealCommand(MeasuredFitsCommand):
     """Measure fits of real scans: crops of single objects, and the objects of Scan2CAD scenes.
 
     Crops are fitted with nothing given but the up axis (--up auto: nothing at all): how near do their points lie to the

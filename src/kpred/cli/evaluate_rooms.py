@@ -9,11 +9,11 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from kpred.cli.output import Output
-from kpred.cli.scan_options import FitsCommand
+from kpred.cli.scan_options import MeasuredFitsCommand
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoomsCommand(FitsCommand):
+class RoomsCommand(MeasuredFitsCommand):
     """Measure `kpred scene ROOM` on labelled rooms: precision and recall of chairs, tables and cabinets.
 
     Rooms are room packs (`kpred data rooms`, of other seeds and shapes than any training) and folders of real ones:

@@ -9,12 +9,12 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from kpred.cli.output import Output
-from kpred.cli.scan_options import FitsCommand
+from kpred.cli.scan_options import MeasuredFitsCommand
 from kpred.cli.usage import UsageError
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScansCommand(FitsCommand):
+class ScansCommand(MeasuredFitsCommand):
     """Measure fits of virtual scans of mesh packs, with nothing given but gravity.
 
     Every target is seen once by a virtual depth camera, with noise and outliers, turned, in some size and place. The

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from tyro.conf import FlagConversionOff, Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, FitsCommand
 from kpred.cli.output import Output
 from kpred.cli.remote_fit import fit_remotely, own_resources, server_of
 from kpred.cli.usage import UsageError
@@ -20,7 +20,7 @@ from kpred.shapes.unit_name import UnitName
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitCommand(Command):
+class FitCommand(FitsCommand):
     """Fit a CAD model to a scan of one object.
 
     The result is a mesh in the scan's own place and units. Beside it lie a record (.json) and a picture (.png). What
@@ -51,10 +51,6 @@ class FitCommand(Command):
     without it, SCAN_fitted.glb in this folder"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
-    database: Annotated[Path | None, arg(metavar="FILE")] = None
-    """CAD database (.kpred); without it, the bundled one"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models to deform and compare"""
     frame: Literal["auto", "known"] = "auto"

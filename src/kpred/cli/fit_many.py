@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, NetworkCommand
 from kpred.cli.output import Output
+from kpred.cli.stopping import resumable
 from kpred.refinement.config import Deform
 from kpred.shapes.unit_name import UnitName
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitManyCommand(Command):
+class FitManyCommand(NetworkCommand):
     """Fit CAD models to all scans of a folder or of a Parquet manifest.
 
     A manifest has a column `path`, and may have `id` and `category`. Each scan gets a record (.json) and a mesh in OUT;
@@ -41,8 +42,6 @@ class FitManyCommand(Command):
     """Folder for results, made when it does not exist; without it, INPUT_fitted in this folder"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """Of scans whose manifest names none; without it, found for each"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
     database: Annotated[str | None, arg(metavar="FILE_OR_URL")] = None
     """CAD database: a file (.kpred) or postgresql://...; without it, the bundled one"""
     top_k: Annotated[int, arg(metavar="K")] = 10
@@ -100,25 +99,23 @@ class FitManyCommand(Command):
             check_report(self.report)
         target = self.output or Path(f"{self.source.resolve().stem}_fitted")
         total = count_scans(self.source) if self.source.exists() else None
-        try:
-            with ProgressBar() as bar:
+        kept = f"what is in {target} is whole, and the same command goes on with it"
+        with resumable(kept), ProgressBar() as bar:
 
-                def show(report: BatchReport) -> None:
-                    note = f"{len(report.failed)} failed" if report.failed else ""
-                    bar.update("fitting scans", report.handled, total, note)
+            def show(report: BatchReport) -> None:
+                note = f"{len(report.failed)} failed" if report.failed else ""
+                bar.update("fitting scans", report.handled, total, note)
 
-                report = fit_many(
-                    self.source,
-                    target,
-                    settings,
-                    workers=self.workers,
-                    ray=self.ray,
-                    attempts=self.attempts,
-                    gpus=self.gpus_per_worker,
-                    progress=show,
-                )
-        except KeyboardInterrupt as error:
-            raise KeyboardInterrupt(f"what is in {target} is whole, and the same command goes on with it") from error
+            report = fit_many(
+                self.source,
+                target,
+                settings,
+                workers=self.workers,
+                ray=self.ray,
+                attempts=self.attempts,
+                gpus=self.gpus_per_worker,
+                progress=show,
+            )
         self._report(output, report, target)
         if self.report is not None:
             self._write_report(output, target, self.report)
@@ -138,14 +135,9 @@ class FitManyCommand(Command):
 
     def _report(self, output: Output, report: BatchReport, target: Path) -> None:
         """Print the numbers, what failed and what was left out."""
-        facts: dict[str, Any] = {
-            "path": target,
-            "fitted": report.fitted,
-            "present": report.present,
-            "retried": report.retried,
-        }
-        facts["left_out"] = report.left_out
-        output.result({**facts, "failed": [{"name": name, "problem": why} for name, why in report.failed]})
+        facts = {name: getattr(report, name) for name in ("fitted", "present", "retried", "left_out")}
+        failed = [{"name": name, "problem": why} for name, why in report.failed]
+        output.result({"path": target, **facts, "failed": failed})
         for name, why in report.failed[:10]:
             output.note(f"failed: {name}: {why}")
         if len(report.failed) > 10:

@@ -4,28 +4,20 @@ from __future__ import annotations
 
 import platform
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from tyro.conf import arg
-
-from kpred.cli.command import Command
+from kpred.cli.command import Command, FitsCommand
 from kpred.cli.output import Output
 
 
 @dataclass(frozen=True, kw_only=True)
-class InfoCommand(Command):
+class InfoCommand(FitsCommand):
     """Show versions, the models and the database that a fit would use.
 
     examples:
       kpred info
       kpred info --model runs/chair --json
     """
-
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
-    database: Annotated[Path | None, arg(metavar="FILE")] = None
-    """CAD database (.kpred); without it, the bundled one"""
 
     def run(self, output: Output) -> None:
         """Collect and print the facts. What is named must be there; what is bundled may be reported missing."""

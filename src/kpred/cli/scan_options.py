@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import NetworkCommand
 from kpred.cli.output import Output
 from kpred.cli.table_options import print_pages, print_written
 
@@ -19,15 +19,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitsCommand(Command):
+class MeasuredFitsCommand(NetworkCommand):
     """Measurements of whole fits."""
 
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="FILE")] = None
     """Write rows, targets, and what they were made by, to this JSON file too"""
     picture: Annotated[Path | None, arg(metavar="FILE")] = None
     """Write a contact sheet of scans beside their results (.png)"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
     database: Annotated[Path | None, arg(metavar="FILE")] = None
     """Search this database (.kpred); without it, one built from the split `source` of the packs, or the bundled one"""
     top_k: Annotated[int, arg(metavar="K")] = 10

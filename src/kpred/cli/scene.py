@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, FitsCommand
 from kpred.cli.output import Output
 from kpred.refinement.config import Deform
 from kpred.shapes.unit_name import UnitName
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneCommand(Command):
+class SceneCommand(FitsCommand):
     """Fit a CAD model to every object of a scanned scene.
 
     Without --objects, and without instance numbers in the scene's file, the chairs, tables and cabinets of the raw scan
@@ -62,10 +62,6 @@ class SceneCommand(Command):
     """Up axis of the scene; auto: z, and y for .glb and .gltf, or, where objects are found, the up direction is too"""
     unit: UnitName | Literal["auto"] = "auto"
     """Unit of the scene's lengths; auto guesses m, cm or mm"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
-    database: Annotated[Path | None, arg(metavar="FILE")] = None
-    """CAD database (.kpred); without it, the bundled one"""
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models to deform and compare for each object"""
     deform: Deform = "auto"

@@ -7,14 +7,14 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, NetworkCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.server.job import PORT
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeCommand(Command):
+class ServeCommand(NetworkCommand):
     """Serve fits over HTTP: POST a scan, get its CAD mesh and record.
 
     Needs the extra: pip install 'kpred[serve]'. Model and database are loaded once. It is served on this machine alone,
@@ -30,8 +30,6 @@ class ServeCommand(Command):
     """Address to serve at; any other than this one lets everybody on the network send scans"""
     port: Annotated[int, arg(metavar="N")] = PORT
     """Port to serve at; 0 is any free one"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
     database: Annotated[str | None, arg(metavar="FILE_OR_URL")] = None
     """CAD database: a file (.kpred) or postgresql://...; without it, the bundled one"""
     workers: Annotated[int, arg(metavar="N")] = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -35,6 +35,17 @@ def stopped_by_signals() -> Iterator[None]:
     finally:
         for number in taken:
             signal.signal(number, before[number])
+
+
+@contextmanager
+def resumable(message: str, kept: Callable[[], bool] = lambda: True) -> Iterator[None]:
+    """Add to an interruption what is kept and how to go on; `kept`: whether there is anything by then."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if kept():
+            error.args = (message,)
+        raise
 
 
 def report_stop(error: KeyboardInterrupt) -> int:

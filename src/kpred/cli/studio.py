@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
+from kpred.cli.command import Command, FitsCommand
 from kpred.cli.output import Output
 from kpred.cli.usage import UsageError
 from kpred.refinement.config import Deform
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudioCommand(Command):
+class StudioCommand(FitsCommand):
     """Open a page in the browser to look at a fit and to correct it by hand.
 
     Of a raw room, all furniture is fitted first, as `kpred scene` does; an object that is clicked is corrected as a
@@ -51,10 +51,6 @@ class StudioCommand(Command):
     """Write the result of a record to this file, and open no page"""
     category: Annotated[str | None, arg(metavar="NAME")] = None
     """chair, table, cabinet, ...; without it, the category that fits best"""
-    model: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
-    """Trained networks: a name or a folder; without it, the bundled ones"""
-    database: Annotated[Path | None, arg(metavar="FILE")] = None
-    """CAD database (.kpred); without it, the bundled one"""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """Up axis of the scan; auto finds it"""
     deform: Deform = "auto"

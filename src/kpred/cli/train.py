@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command, Group
-from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
 from kpred.cli.processes import joined_world, own_device
 from kpred.cli.train_confidence import ConfidenceCommand
+from kpred.cli.train_options import TrainingCommand, loss_note, resumable_training
 from kpred.cli.train_peer import PEER_COMMANDS
 from kpred.cli.train_scan_networks import RecognitionCommand, VisibilityCommand
 from kpred.cli.usage import UsageError
@@ -28,7 +28,7 @@ STAGES = ("deformation", "retrieval", "partial")
 
 
 @dataclass(frozen=True, kw_only=True)
-class _TrainCommand(Command):
+class _TrainCommand(TrainingCommand):
     """What the commands of all stages share."""
 
     stages: ClassVar[tuple[str, ...]] = STAGES
@@ -41,16 +41,10 @@ class _TrainCommand(Command):
     """Run folder: checkpoints, TensorBoard log, weights in FOLDER/model; without it, runs/CATEGORY"""
     preset: Literal["kp-red-plus", "kp-red"] = "kp-red-plus"
     """Where the settings start: this project's, or those of the paper; options below change single ones"""
-    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
-    """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
-    threads: Annotated[int | None, arg(metavar="N")] = None
-    """CPU threads; without it, as many as torch chooses"""
     source_split: Annotated[str | None, arg(metavar="NAME")] = None
     """Deform shapes of this split only (the paper: source)"""
     start_from: Annotated[str | None, arg(metavar="NAME_OR_PATH")] = None
     """Take what the stages build on from these weights (`bundled`, a folder), and not from the run folder"""
-    resume: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Start anew in a folder that holds a stopped run, and not where it stopped"""
     model: ModelConfig = field(default_factory=lambda: ModelConfig(category=""))
     training: Annotated[TrainConfig, arg(name="")] = field(default_factory=TrainConfig)
 
@@ -58,8 +52,7 @@ class _TrainCommand(Command):
         """Train with a progress bar; print where the weights are."""
         if not self.packs:
             raise UsageError(f"no pack was named; try `kpred train {self.stages[0]} PACK.npz -o FOLDER`")
-        if self.threads is not None:
-            limit_threads(self.threads)
+        self.limit_threads()
         device = own_device(self.device)
         with joined_world(device) as world:
             self._train(output, world, device)
@@ -80,32 +73,26 @@ class _TrainCommand(Command):
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()
         last: dict[str, dict[str, float]] = {}
-        try:
-            with ProgressBar() as bar:
+        with resumable_training(folder), ProgressBar() as bar:
 
-                def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
-                    last[stage] = losses
-                    bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+            def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+                last[stage] = losses
+                bar.update(stage, done, total, loss_note(losses))
 
-                train(
-                    packs,
-                    dataclasses.replace(self.model, category=categories[0]),
-                    self.training,
-                    folder,
-                    stages=self.stages,
-                    device=device,
-                    source_split=self.source_split,
-                    progress=bar.update,
-                    report=report,
-                    resume=self.resume,
-                    start_from=self.start_from,
-                    world=world,
-                )
-        except KeyboardInterrupt as error:
-            if not any(folder.glob("*.checkpoint")):
-                raise
-            error.args = (f"{folder} keeps what was trained, and the same command goes on from it",)
-            raise
+            train(
+                packs,
+                dataclasses.replace(self.model, category=categories[0]),
+                self.training,
+                folder,
+                stages=self.stages,
+                device=device,
+                source_split=self.source_split,
+                progress=bar.update,
+                report=report,
+                resume=self.resume,
+                start_from=self.start_from,
+                world=world,
+            )
         if not world.is_first:
             return
         seconds = time.perf_counter() - began

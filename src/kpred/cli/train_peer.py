@@ -10,9 +10,10 @@ from typing import Annotated, Any, ClassVar
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command, Group
-from kpred.cli.devices import found_device, limit_threads
+from kpred.cli.command import Group
+from kpred.cli.devices import found_device
 from kpred.cli.output import Output
+from kpred.cli.train_options import TrainingCommand, loss_note, resumable_training
 from kpred.cli.usage import UsageError
 from kpred.peers.training.config import (
     KeypointDeformerTraining,
@@ -25,7 +26,7 @@ from kpred.peers.training.config import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PeerCommand(Command):
+class _PeerCommand(TrainingCommand):
     """What the peers' commands share."""
 
     peer: ClassVar[str]
@@ -34,12 +35,6 @@ class _PeerCommand(Command):
     """Mesh packs (.npz) of one category; the splits source and train are used"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="FOLDER")] = None
     """Run folder: checkpoint, TensorBoard log, weights in FOLDER/model; without it, runs/PEER/CATEGORY"""
-    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
-    """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
-    threads: Annotated[int | None, arg(metavar="N")] = None
-    """CPU threads; without it, as many as torch chooses"""
-    resume: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Start anew in a folder that holds a stopped run, and not where it stopped"""
     training: Annotated[PeerTraining, arg(name="")] = field(default_factory=PeerTraining)
 
     def run(self, output: Output) -> None:
@@ -53,37 +48,22 @@ class _PeerCommand(Command):
         if not self.packs:
             raise UsageError(f"no pack was named; try `kpred train peer {self.peer} PACK.npz -o FOLDER`")
         packs = [MeshPack.load(path) for path in self.packs]
-        if self.threads is not None:
-            limit_threads(self.threads)
+        self.limit_threads()
         folder = self.output if self.output is not None else Path("runs") / self.peer / packs[0].category
         last: dict[str, float] = {}
         began = time.perf_counter()
-        try:
-            with ProgressBar() as bar:
+        with resumable_training(folder), ProgressBar() as bar:
 
-                def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
-                    last.update(losses)
-                    bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+            def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+                last.update(losses)
+                bar.update(stage, done, total, loss_note(losses))
 
-                device = found_device(self.device)
-                network = train_peer(
-                    packs, self.model(), self.training, folder, device, bar.update, report, self.resume
-                )
-        except KeyboardInterrupt as error:
-            if not any(folder.glob("*.checkpoint")):
-                raise
-            raise KeyboardInterrupt(f"{folder} keeps what was trained, and the same command goes on from it") from error
+            device = found_device(self.device)
+            network = train_peer(packs, self.model(), self.training, folder, device, bar.update, report, self.resume)
         seconds = time.perf_counter() - began
         weights = folder / "model"
-        output.result(
-            {
-                "peer": self.peer,
-                "model": weights,
-                "category": network.config.category,
-                "seconds": seconds,
-                "last_losses": last,
-            }
-        )
+        facts = {"peer": self.peer, "model": weights, "category": network.config.category}
+        output.result({**facts, "seconds": seconds, "last_losses": last})
         if last:
             output.table("last step", ["loss", "value"], list(last.items()))
         output.note(f"weights: {weights} ({seconds:.0f} s)")

@@ -10,10 +10,9 @@ from typing import Annotated, Any, ClassVar
 
 from tyro.conf import Positional, arg
 
-from kpred.cli.command import Command
-from kpred.cli.devices import limit_threads
 from kpred.cli.output import Output
 from kpred.cli.processes import joined_world, own_device
+from kpred.cli.train_options import TrainingCommand, loss_note
 from kpred.cli.usage import UsageError
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.single_stage import SingleStageConfig
@@ -21,7 +20,7 @@ from kpred.training.visibility_config import VisibilityTraining
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ScanNetworkCommand(Command):
+class _ScanNetworkCommand(TrainingCommand):
     """What both commands share."""
 
     network: ClassVar[str]
@@ -32,14 +31,8 @@ class _ScanNetworkCommand(Command):
     """Room packs (`kpred data rooms`): crops of them are half of what is trained with (--rooms says which fraction)"""
     output: Annotated[Path | None, arg(aliases=["-o"], metavar="FOLDER")] = None
     """Run folder: checkpoint, TensorBoard log, weights in FOLDER/model; without it, below runs"""
-    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
-    """auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
-    threads: Annotated[int | None, arg(metavar="N")] = None
-    """CPU threads; without it, as many as torch chooses"""
     start_from: Annotated[Path | None, arg(metavar="FOLDER")] = None
     """Start with the weights of such a network in this folder"""
-    resume: Annotated[bool, arg(help_behavior_hint="")] = True
-    """Start anew in a folder that holds a stopped run, and not where it stopped"""
     training: Annotated[SingleStageConfig, arg(name="")] = field(default_factory=SingleStageConfig)
 
     @abstractmethod
@@ -58,8 +51,7 @@ class _ScanNetworkCommand(Command):
 
         if not self.packs:
             raise UsageError(f"no pack was named; try `kpred train {self.network} CHAIR.npz TABLE.npz -o FOLDER`")
-        if self.threads is not None:
-            limit_threads(self.threads)
+        self.limit_threads()
         folder = self.output or Path("runs") / ("recognizer" if self.network == "recognition" else self.network)
         last: dict[str, float] = {}
         began = time.perf_counter()
@@ -68,7 +60,7 @@ class _ScanNetworkCommand(Command):
 
             def report(stage: str, done: int, total: int, losses: dict[str, float]) -> None:
                 last.update(losses)
-                bar.update(stage, done, total, f"loss {sum(losses.values()):.3g}")
+                bar.update(stage, done, total, loss_note(losses))
 
             network = self.train(
                 [MeshPack.load(path) for path in self.packs],

@@ -11,7 +11,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from kpred.atomic import atomic_path
+from kpred.atomic import atomic_path, check_place
 from kpred.errors import OutputError
 from kpred.fitting.fit_scene import SceneFit
 from kpred.rendering.picture import save_picture
@@ -87,16 +87,27 @@ def show_fit(fit: _Shown, path: str | os.PathLike[str] | None = None) -> Path:
     Raises:
         OutputError: the extension is not .html, or the file cannot be written there.
     """
+    title = escape(f"{fit.category}: {fit.source.model_id}")
+    begin = f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
+    return show_page(path, lambda: f"{begin}{fit_html(fit)}</html>\n")
+
+
+def show_page(path: str | os.PathLike[str] | None, page: Callable[[], str]) -> Path:
+    """Write a page to a file, by default a temporary one, open it in the browser if there is one, and return the file.
+
+    Raises:
+        OutputError: the extension is not .html, or the file cannot be written there.
+    """
     if path is None:
         handle, name = tempfile.mkstemp(prefix="kpred-", suffix=".html")
         os.close(handle)
         file = Path(name)
     else:
         file = Path(path)
-    if file.suffix.lower() != ".html":
-        raise OutputError(f"Cannot write {file}: pages are .html files; give it that extension.")
-    title = escape(f"{fit.category}: {fit.source.model_id}")
-    text = f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>{fit_html(fit)}</html>\n'
+        if file.suffix.lower() != ".html":
+            raise OutputError(f"Cannot write {file}: pages are .html files; give it that extension.")
+        check_place(file)
+    text = page()
     with atomic_path(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
     webbrowser.open(file.absolute().as_uri())

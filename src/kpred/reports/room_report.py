@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-import webbrowser
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,10 @@ from kpred.fitting.object_fit import ObjectFit
 from kpred.fitting.scene_nodes import OBJECT_COLORS
 from kpred.ops.rotations import upright_rotation
 from kpred.rendering.contact_sheet import Tile, draw_tile
+from kpred.rendering.page import show_page
 from kpred.rendering.scene_picture import save_scene_picture
 from kpred.reports.fit_report import fit_tile
-from kpred.reports.page import check_report, page, save_report, section, tag, text_of, warning_list
+from kpred.reports.page import page, section, tag, text_of, warning_list
 from kpred.reports.picture import picture, picture_of_file
 from kpred.reports.table import Html, Value, facts, meter, sortable
 from kpred.reports.viewer import Shape, color, viewer
@@ -55,17 +55,13 @@ def show_room(room: SceneFit, path: str | os.PathLike[str] | None = None) -> Pat
     Raises:
         OutputError: the extension is not .html, or the file cannot be written there.
     """
-    if path is None:
-        handle, name = tempfile.mkstemp(prefix="kpred-", suffix=".html")
-        os.close(handle)
-        file = Path(name)
-    else:
-        file = check_report(path)
-    with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
-        drawn = Path(folder) / "room.png"
-        save_report(file, room_report(room, drawn if save_scene_picture(room, drawn) else None))
-    webbrowser.open(file.absolute().as_uri())
-    return file
+
+    def made() -> str:
+        with tempfile.TemporaryDirectory(prefix="kpred-") as folder:
+            drawn = Path(folder) / "room.png"
+            return room_report(room, drawn if save_scene_picture(room, drawn) else None)
+
+    return show_page(path, made)
 
 
 def _order(item: ObjectFit) -> tuple[bool, bool, float]:

@@ -20,7 +20,7 @@ from kpred.evaluation.metrics.summary import ALL, Scope, Summary
 from kpred.evaluation.rooms.labelled import LabelledRoom, labelled_rooms, true_objects
 from kpred.evaluation.rooms.matching import Match, average_precision, counted, match_objects, right_rows
 from kpred.evaluation.rooms.poses import aligned_rows
-from kpred.evaluation.scans.outcome import FitSettings
+from kpred.evaluation.scans.outcome import FitSettings, known_values
 from kpred.fitting.arrangement import floor_gap, interpenetration
 from kpred.fitting.fit_room import fit_room
 from kpred.fitting.object_fit import ObjectFit
@@ -151,8 +151,8 @@ def summarize(rooms: Iterable[RoomOutcome], dataset: str, seed: int) -> list[Sum
         found += Scope(dataset, "all", name, seed).fraction("aligned_20_cm_20_degrees_20_percent", hits, "scan")
     distances = [distance for room in mine for distance in room.distances]
     found += every.median("mean_scan_to_result", distances, "m", "scan")
-    volumes = [room.interpenetration for room in mine if room.interpenetration is not None]
-    found += every.mean("interpenetration", volumes, "fraction of the results' volume", "scan")
+    volume = "fraction of the results' volume"
+    found += every.mean("interpenetration", known_values(mine, "interpenetration"), volume, "scan")
     gaps = [abs(gap) <= ON_FLOOR for room in mine for gap in room.off_floor]
     found += every.fraction("on_the_floor_within_1_cm", gaps, "results that stand on it")
     found += every.mean("time", [room.seconds for room in mine], "seconds a room", "wall clock")

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 
 from kpred.evaluation.metrics.summary import NO_UNIT, Scope, Summary
 from kpred.evaluation.scans.catalogue_outcomes import THICKNESS_KEPT, CatalogueOutcome
+from kpred.evaluation.scans.outcome import known_values
 
 FIRST = "right model first"
 STEPS = ("none", "scale", "structure")
@@ -34,20 +35,17 @@ def summarise_catalogue(outcomes: Sequence[CatalogueOutcome], scope: Scope) -> l
     rows += scope.fraction("right_model_in_top_k", [one.rank is not None for one in outcomes], SCAN)
     rows += scope.fraction("yaw_right", [one.yaw_right for one in outcomes], SCAN)
     rows += scope.fraction("failed", [one.failure is not None for one in outcomes], SCAN)
-    rows += scope.mean("distance", [one.distance for one in outcomes if one.distance is not None], SIDE, FRAME)
-    times = [one.milliseconds for one in outcomes if one.milliseconds is not None]
-    return rows + scope.median("milliseconds", times, "ms", SCAN) + _of_right_models(first, scope)
+    rows += scope.mean("distance", known_values(outcomes, "distance"), SIDE, FRAME)
+    rows += scope.median("milliseconds", known_values(outcomes, "milliseconds"), "ms", SCAN)
+    return rows + _of_right_models(first, scope)
 
 
 def _of_right_models(first: Sequence[CatalogueOutcome], scope: Scope) -> list[Summary]:
-    distances = [one.distance for one in first if one.distance is not None]
-    undeformed = [one.undeformed_distance for one in first if one.undeformed_distance is not None]
-    ratios = [one.ratio for one in first if one.ratio is not None]
     thickness = [ratio for one in first for ratio in one.thickness]
     kept = [abs(ratio - 1.0) <= THICKNESS_KEPT for ratio in thickness]
-    rows = scope.median("distance", distances, SIDE, FRAME, FIRST)
-    rows += scope.median("undeformed_distance", undeformed, SIDE, FRAME, FIRST)
-    rows += scope.median("distance_ratio", ratios, NO_UNIT, FRAME, FIRST)
+    rows = scope.median("distance", known_values(first, "distance"), SIDE, FRAME, FIRST)
+    rows += scope.median("undeformed_distance", known_values(first, "undeformed_distance"), SIDE, FRAME, FIRST)
+    rows += scope.median("distance_ratio", known_values(first, "ratio"), NO_UNIT, FRAME, FIRST)
     rows += scope.median("board_thickness", thickness, NO_UNIT, FRAME, FIRST)
     rows += scope.fraction("boards_kept", kept, FRAME, FIRST)
     for step in STEPS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, TypeVar
 
@@ -95,6 +95,11 @@ def by_category(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[Outcome
         yield category, [outcome for outcome in outcomes if outcome.category == category]
     if len(categories) > 1:
         yield ALL, list(outcomes)
+
+
+def known_values(outcomes: Iterable[object], name: str) -> list[float]:
+    """List the values of an attribute, of those that have one."""
+    return [value for one in outcomes if (value := getattr(one, name)) is not None]
 
 
 def claims(found: Fit) -> dict[str, Any]:

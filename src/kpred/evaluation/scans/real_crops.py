@@ -22,7 +22,15 @@ from kpred.evaluation.database_source import Progress
 from kpred.evaluation.metrics.cleanliness_measures import MEASURES
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
-from kpred.evaluation.scans.outcome import FailedFit, FitOutcome, FitSettings, by_category, claims, try_fit
+from kpred.evaluation.scans.outcome import (
+    FailedFit,
+    FitOutcome,
+    FitSettings,
+    by_category,
+    claims,
+    known_values,
+    try_fit,
+)
 from kpred.fitting import Fit
 from kpred.ops.rotations import UP_AXES, upright_rotation
 from kpred.preprocessing.clean import clean_scan
@@ -196,15 +204,12 @@ def summarise_crops(outcomes: Sequence[CropOutcome], dataset: str, seed: int) ->
         rows += scope.fraction("all_points_under_4_cm", [outcome.all_near for outcome in mine], frame)
         rows += scope.fraction("kept_points_under_4_cm", [outcome.near for outcome in mine], frame)
         rows += scope.fraction("category_right", [outcome.category_right for outcome in mine], frame)
-        found_up = [outcome.up_right for outcome in fitted if outcome.up_right is not None]
-        rows += scope.fraction("up_axis_right", found_up, frame)
+        rows += scope.fraction("up_axis_right", [one.up_right for one in fitted if one.up_right is not None], frame)
         rows += _of_cleanliness([one.cleanliness for one in fitted if one.cleanliness is not None], scope)
         rows += scope.fraction("warned", [outcome.warnings > 0 for outcome in mine], frame)
-        said = [outcome.confidence for outcome in mine if outcome.confidence is not None]
-        rows += scope.mean("confidence", said, "1", frame)
+        rows += scope.mean("confidence", known_values(mine, "confidence"), "1", frame)
         rows += scope.fraction("failed", [outcome.failure is not None for outcome in mine], frame)
-        milliseconds = [outcome.milliseconds for outcome in fitted if outcome.milliseconds is not None]
-        rows += scope.median("milliseconds", milliseconds, "ms", frame)
+        rows += scope.median("milliseconds", known_values(fitted, "milliseconds"), "ms", frame)
     return rows
 
 

@@ -26,6 +26,7 @@ from collections.abc import Sequence
 from kpred.evaluation.metrics.reliability import Reliability, reliability
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.symmetry import SYMMETRIES
+from kpred.evaluation.scans.outcome import known_values
 from kpred.evaluation.scans.scan_outcomes import ScanOutcome
 from kpred.training.recognition_data import OTHER
 
@@ -79,7 +80,7 @@ def _of_targets(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
     rows += scope.mean("size_error", [errors.size for errors in fitted], "longest side", UNIT_BOX)
     rows += scope.fraction("right", [target.right for target in targets], UNIT_BOX)
     rows += scope.fraction("failed", [target.failure is not None for target in targets], SCAN)
-    return rows + scope.median("milliseconds", _milliseconds(targets), "ms", SCAN)
+    return rows + scope.median("milliseconds", known_values(targets, "milliseconds"), "ms", SCAN)
 
 
 def _of_yaw(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
@@ -87,7 +88,7 @@ def _of_yaw(targets: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
     for symmetry in SYMMETRIES:
         alike = [target.yaw_right for target in targets if target.symmetry == symmetry.name]
         rows += scope.fraction("yaw_right", alike, SCAN, group=f"symmetry {symmetry.name}")
-    return rows + scope.mean("yaw_error", [t.yaw for t in targets if t.yaw is not None], "degrees", SCAN)
+    return rows + scope.mean("yaw_error", known_values(targets, "yaw"), "degrees", SCAN)
 
 
 def _of_others(others: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
@@ -100,8 +101,4 @@ def _of_others(others: Sequence[ScanOutcome], scope: Scope) -> list[Summary]:
         unnoticed = [not (one or two) for one, two in zip(doubted, warned, strict=True)]
         rows += scope.fraction("other_unnoticed", unnoticed, SCAN)
     rows += scope.fraction("other_refused", refused, SCAN)
-    return rows + scope.median("other_milliseconds", _milliseconds(others), "ms", SCAN)
-
-
-def _milliseconds(outcomes: Sequence[ScanOutcome]) -> list[float]:
-    return [outcome.milliseconds for outcome in outcomes if outcome.milliseconds is not None]
+    return rows + scope.median("other_milliseconds", known_values(others, "milliseconds"), "ms", SCAN)

@@ -21,7 +21,7 @@ from kpred.evaluation.database_source import Progress
 from kpred.evaluation.metrics.summary import Scope, Summary
 from kpred.evaluation.metrics.surfaces import Surface
 from kpred.evaluation.metrics.symmetry import NONE, OF_SCAN2CAD, yaw_between, yaw_error
-from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, by_category, claims
+from kpred.evaluation.scans.outcome import FitOutcome, FitSettings, by_category, claims, known_values
 from kpred.evaluation.scans.real_crops import SPLIT
 from kpred.fitting.fit_scene import fit_scene
 from kpred.fitting.object_fit import ObjectFit
@@ -144,17 +144,15 @@ def summarise_scenes(outcomes: Sequence[SceneOutcome], dataset: str, seed: int) 
     for category, mine in by_category(outcomes):
         fitted = [outcome for outcome in mine if outcome.failure is None]
         scope, frame = Scope(dataset, SPLIT, category, seed), "scan"
-        distances = [outcome.distance for outcome in fitted if outcome.distance is not None]
-        annotated = [outcome.annotated_distance for outcome in fitted if outcome.annotated_distance is not None]
+        distances, annotated = known_values(fitted, "distance"), known_values(fitted, "annotated_distance")
         rows += scope.mean("distance", distances, "m", frame)
         rows += scope.mean("annotated_distance", annotated, "m", frame)
         rows += scope.ratio("distance_ratio", distances, annotated, frame)
-        rows += scope.mean("centre", [o.centre_cm for o in fitted if o.centre_cm is not None], "cm", frame)
-        rows += scope.mean("yaw_error", [o.yaw for o in fitted if o.yaw is not None], "degrees", frame)
+        rows += scope.mean("centre", known_values(fitted, "centre_cm"), "cm", frame)
+        rows += scope.mean("yaw_error", known_values(fitted, "yaw"), "degrees", frame)
         rows += scope.fraction("category_right_not_given", [o.found == o.category for o in mine], frame)
         rows += scope.fraction("passes", [outcome.passes for outcome in mine], frame)
-        milliseconds = [o.milliseconds for o in fitted if o.milliseconds is not None]
-        rows += scope.median("milliseconds", milliseconds, "ms", frame)
+        rows += scope.median("milliseconds", known_values(fitted, "milliseconds"), "ms", frame)
     return rows
 
 
