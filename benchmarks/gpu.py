@@ -14,8 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-
-from kpred.bench.device import Rate, Sizes, device_figures, record_of
+from device_rates import Rate, Sizes, device_figures, record_of
 
 SMALL = Sizes(batch=2, models=6, top_k=3, shapes=6, repeats=1, matrix=256, points=256)
 

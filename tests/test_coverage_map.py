@@ -24,7 +24,7 @@ COVERED_BY = {
     "cli/data*.py": "cli/test_main.py",
     "cli/database*.py": "cli/test_database_copy.py",
     "cli/demo.py": "cli/test_main.py",
-    "cli/devices.py": "bench/test_device.py",
+    "cli/devices.py": "cli/test_main.py",
     "cli/evaluate_*.py": "cli/test_evaluate_tables.py",
     "cli/evaluate_peers.py": "peers/test_commands.py",
     "cli/evaluate_catalogue.py": "cli/test_evaluate.py",

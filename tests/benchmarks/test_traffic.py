@@ -2,8 +2,8 @@
 
 import pytest
 import torch
+from traffic import OPERATIONS_A_PAIR, Cost, Peaks, cost_of, peaks
 
-from kpred.bench.traffic import OPERATIONS_A_PAIR, Cost, Peaks, cost_of, peaks
 from kpred.ops import nearest
 
 

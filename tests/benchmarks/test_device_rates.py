@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import torch
+from device_rates import Sizes, fit_rates, record_of, training_step
+from traffic import Peaks
 
-from kpred.bench.device import Sizes, fit_rates, record_of, training_step
-from kpred.bench.traffic import Peaks
 from kpred.nn import STAGES, ModelConfig
 from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig, TrainConfig

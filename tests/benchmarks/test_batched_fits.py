@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import torch
+from batched_fits import ModelTable, ScanBatch
 
-from kpred.bench.batched import ModelTable, ScanBatch
 from kpred.database import Database
 from kpred.fitting.candidates import Candidates, retrieve
 from kpred.fitting.defaults import resolve_database, resolve_model

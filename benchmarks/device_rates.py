@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import torch
+from batched_fits import ModelTable, ScanBatch
 from torch import Tensor
+from traffic import Cost, Peaks, cost_of, peaks, times
 
-from kpred.bench.batched import ModelTable, ScanBatch
-from kpred.bench.traffic import Cost, Peaks, cost_of, peaks, times
 from kpred.nn import STAGES, KPRed, load_model, preset
 from kpred.refinement.config import RefineConfig
 from kpred.shapes.pack import MeshPack
