@@ -2,15 +2,18 @@
 
     python scripts/make_bundle.py RUNS_FOLDER INFINIGEN_FOLDER [--evaluation full.json ...]
 
-RUNS_FOLDER holds runs by `scripts/train_within.py` or `kpred train`, or some of them: CATEGORY of kp-red-plus,
-kp-red/CATEGORY of kp-red, and recognizer. INFINIGEN_FOLDER has infinigen's packs.
-Everything in the bundle is made from the generator and from infinigen alone.
+RUNS_FOLDER holds runs by `scripts/train_within.py` or `kpred train`, or some of them: CATEGORY of kp-red-plus, `any`
+of the shared network, kp-red/CATEGORY of kp-red, recognizer, recognizer/second, recognizer_any and visibility; and
+calibration.json by `kpred train confidence`, here and in recognizer_any. INFINIGEN_FOLDER has infinigen's packs.
+Everything in the bundle is made from the generator and from infinigen alone. The cards of the categories and of the
+recognizer are written; in the others, which say in words how they were trained, measured facts are brought up to date.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,9 +21,23 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import nn
 
 from kpred.database import Database, build_database
-from kpred.nn import load_model, load_network, load_recognizer, save_network, save_recognizer
+from kpred.nn import (
+    KPRed,
+    load_model,
+    load_network,
+    load_recognizer,
+    load_visibility,
+    save_network,
+    save_recognizer,
+    save_visibility,
+)
+from kpred.nn.calibration import load_calibration, save_calibration
+from kpred.nn.config import SHARED
+from kpred.nn.loading import RECOGNIZER, SECOND, SHARED_RECOGNIZER, VISIBILITY
+from kpred.nn.weights import WEIGHTS_FILE
 from kpred.ops import depth_scan
 from kpred.shapes import MeshPack
 from kpred.synthetic.generator import generate
@@ -47,7 +64,7 @@ def main() -> None:
     options = parser.parse_args()
     parts = options.only or ("weights", "database", "scan", "cards")
     if "weights" in parts:
-        copy_weights(options.runs)
+        copy_weights(options.runs, BUNDLED / "model", PAPER)
     if "database" in parts:
         make_database(options.infinigen)
     if "scan" in parts:
@@ -56,21 +73,36 @@ def main() -> None:
         write_cards(options.evaluation)
 
 
-def copy_weights(runs: Path) -> None:
-    """Half-precision weights and the records of their training, of the runs that are there."""
-    for category in CATEGORIES:
-        for run, target in ((runs / category, BUNDLED / "model"), (runs / "kp-red" / category, PAPER)):
+def copy_weights(runs: Path, bundled: Path, paper: Path) -> None:
+    """Half-precision weights, calibrations and the records of their training, of the runs that are there."""
+    for category in (*CATEGORIES, SHARED):
+        for run, target in ((runs / category, bundled), (runs / "kp-red" / category, paper)):
             if (run / "model").is_dir():
                 save_network(load_network(run / "model"), target / category)
-                shutil.copy(run / "model" / "training.json", target / category / "training.json")
-    if (runs / "recognizer" / "model").is_dir():
-        run, target = runs / "recognizer" / "model", BUNDLED / "model" / "recognizer"
-        save_recognizer(load_recognizer(run), target)
-        record = json.loads((run / "training.json").read_text())
-        if record["start_from"] is not None:
-            shutil.copy(Path(record["start_from"]) / "training.json", target / FIRST_RECORD)
-            record["start_from"] = f"the weights that {FIRST_RECORD} is the record of"
-        (target / "training.json").write_text(json.dumps(record, indent=2) + "\n")
+                copy_record(run / "model", target / category)
+    for name in (RECOGNIZER, f"{RECOGNIZER}/{SECOND}", SHARED_RECOGNIZER):
+        if (runs / name / "model").is_dir():
+            save_recognizer(load_recognizer(runs / name / "model"), bundled / name)
+            copy_record(runs / name / "model", bundled / name)
+    if (runs / VISIBILITY / "model").is_dir():
+        save_visibility(load_visibility(runs / VISIBILITY / "model"), bundled / VISIBILITY)
+        copy_record(runs / VISIBILITY / "model", bundled / VISIBILITY)
+    for name in ("", SHARED_RECOGNIZER):
+        calibration = load_calibration(runs / name)
+        if calibration is not None:
+            save_calibration(calibration, bundled / name)
+
+
+def copy_record(run: Path, target: Path) -> None:
+    """Copy the record of a training, and that of the training that it started from, if it is there."""
+    if not (run / "training.json").is_file():
+        return
+    record = json.loads((run / "training.json").read_text())
+    first = Path(record.get("start_from") or "") / "training.json"
+    if first.is_file():
+        shutil.copy(first, target / FIRST_RECORD)
+        record["start_from"] = f"the weights that {FIRST_RECORD} is the record of"
+    (target / "training.json").write_text(json.dumps(record, indent=2) + "\n")
 
 
 def make_database(infinigen: Path) -> None:
@@ -116,9 +148,32 @@ def write_cards(evaluations: Sequence[Path]) -> None:
             folder = models / category
             card = [*_category_card(category, preset, folder), *_measured(category, preset, rows)]
             (folder / "README.md").write_text("\n".join(card))
-    folder = BUNDLED / "model" / "recognizer"
+    folder = BUNDLED / "model" / RECOGNIZER
     if folder.is_dir():
         (folder / "README.md").write_text("\n".join(_recognizer_card(folder)))
+    loaders = {
+        SHARED: load_network,
+        f"{RECOGNIZER}/{SECOND}": load_recognizer,
+        SHARED_RECOGNIZER: load_recognizer,
+        VISIBILITY: load_visibility,
+    }
+    for name, load in loaders.items():
+        if (BUNDLED / "model" / name / "README.md").is_file():
+            update_card(BUNDLED / "model" / name, load(BUNDLED / "model" / name))
+
+
+def update_card(folder: Path, network: nn.Module) -> None:
+    """Bring the measured facts of a card that was written by hand up to date."""
+    facts = {
+        "file": f"{WEIGHTS_FILE}, half precision, {_megabytes(folder)} MB",
+        "parameters": f"{sum(p.numel() for p in network.parameters()):,}",
+    }
+    if isinstance(network, KPRed):
+        facts["fingerprint"] = f"`{network.fingerprint()}`"
+    text = (folder / "README.md").read_text()
+    for name, value in facts.items():
+        text = re.sub(rf"^\| {name} \| .* \|$", f"| {name} | {value} |", text, flags=re.M)
+    (folder / "README.md").write_text(text)
 
 
 def _category_card(category: str, preset: str, folder: Path) -> list[str]:

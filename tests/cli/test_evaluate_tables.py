@@ -37,6 +37,21 @@ def made(files: Path, pack: Path, tmp_path_factory: pytest.TempPathFactory) -> P
     return folder
 
 
+def test_generalization_measures_packs_and_databases(
+    files: Path, pack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["evaluate", "table", "generalization", "--model", str(files / "model"), "--top-k", "1", "--split", "train"]
+    four = tmp_path / "four.npz"
+    tables = MeshPack.load(pack)
+    splits = ["train", "source", "source", "source", "source", "source"]
+    MeshPack.from_meshes(list(tables), list(tables.model_id), splits, "table").save(four)
+    assert main([*words, str(four), "-o", str(tmp_path / "general.json")]) == OK
+    printed = capsys.readouterr().out
+    assert "retrieved" in printed and "random" in printed and "wrote" in printed
+    assert main([*words, str(tmp_path / "no.kpred")]) == FAILED
+    assert "no.kpred" in capsys.readouterr().err
+
+
 def test_full_prints_what_it_writes(
     files: Path, pack: Path, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

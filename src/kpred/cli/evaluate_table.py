@@ -9,6 +9,7 @@ from tyro.conf import arg
 
 from kpred.cli.command import Group
 from kpred.cli.evaluate_ablation import AblationCommand
+from kpred.cli.evaluate_generalization import GeneralizationCommand
 from kpred.cli.evaluate_scan2cad import Scan2CadCommand
 from kpred.cli.table_options import MeasuredCommand
 
@@ -142,6 +143,7 @@ TABLES = Group(
         "ablation": AblationCommand,
         "topk": TopKCommand,
         "oracle": OracleCommand,
+        "generalization": GeneralizationCommand,
     },
     "Make a table of the paper: values, intervals, JSON and CSV.",
 )

@@ -96,9 +96,9 @@ class Model(Mapping[str, KPRed]):
 
     def recognizer_of(self, categories: Iterable[str]) -> Recognizer | None:
         """Return the recognizer that knows all of the categories, the shared one only if the other does not."""
-        asked = tuple(categories)
+        wanted = tuple(categories)
         for one in (self.recognizer, self.shared_recognizer):
-            if one is not None and one.knows(asked):
+            if one is not None and one.knows(wanted):
                 return one
         return None
 

@@ -11,6 +11,7 @@ from kpred.evaluation.page import Page, with_interval
 from kpred.evaluation.tables.ablation_pages import ablation_pages
 from kpred.evaluation.tables.cleanliness_pages import cleanliness_pages
 from kpred.evaluation.tables.compare import Comparison
+from kpred.evaluation.tables.generalization_pages import generalization_pages
 from kpred.evaluation.tables.page_parts import (
     best_of,
     by_metric,
@@ -239,4 +240,5 @@ _LAYOUTS: Mapping[str, Callable[[Table, str], Iterator[Page]]] = {
     "oracle": _oracle,
     "scan2cad": _scan2cad,
     "ablation": ablation_pages,
+    "generalization": generalization_pages,
 }
