@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from kpred.errors import ConfigError, MeshError, ScanError
 from kpred.scenes.objects import SceneObject, annotation_of, objects_of
@@ -483,3 +484,60 @@ def test_ids_of_models_do_not_lead_out_of_their_folder(tmp_path: Path) -> None:
     for name in ("../..", "a/b", "A" * 5000, ".."):
         with pytest.raises(MeshError, match="no names of folders"):
             model_path(BrokenModel("chair_0", "chair", "03001627", name, ""), tmp_path)
+
+
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+
+
+def boxes_of_programs(center: list[float], turn: np.ndarray, size: np.ndarray) -> dict[str, Any]:
+    """One box as single programs write it; `turn` holds its sides' directions in columns."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn, center
+    corners = (CUBE * size / 2) @ turn.T + center
+    return {
+        "Open3D": {"center": center, "extent": size.tolist(), "R": turn.tolist(), "label": "chair"},
+        "SUN RGB-D": {
+            "centroid": center,
+            "coeffs": (size / 2).tolist(),
+            "basis": turn.T.tolist(),
+            "classname": "chair",
+        },
+        "eight corners": {"corners": corners[[3, 0, 6, 1, 7, 2, 5, 4]].tolist(), "class": "chair"},
+        "RoomPlan": {"category": {"chair": {}}, "dimensions": size.tolist(), "transform": matrix.T.ravel().tolist()},
+    }
+
+
+def test_boxes_of_programs(tmp_path: Path, rng: np.random.Generator) -> None:
+    center, size = [1.0, 2.0, 0.5], np.array([0.6, 1.2, 1.0])
+    turn = Rotation.from_euler("z", 30, degrees=True).as_matrix()
+    points = rng.uniform(-1, 1, size=(4000, 3)) + center
+    inside = (np.abs((points - center) @ turn) <= size / 2).all(axis=1)
+    scene = Scene(points)
+    for name, box in boxes_of_programs(center, turn, size).items():
+        (item,) = objects_of(scene, write_boxes(tmp_path, {"objects": [box]}))
+        assert item.category == "chair", name
+        np.testing.assert_array_equal(item.indices, np.flatnonzero(inside), err_msg=name)
+    (item,) = objects_of(
+        scene, write_boxes(tmp_path, [{"center": center, "size": size.tolist(), "heading": np.pi / 6}])
+    )
+    np.testing.assert_array_equal(item.indices, np.flatnonzero(inside))
+    (item,) = objects_of(scene, write_boxes(tmp_path, [{"corners": (CUBE * [1, 1, 0]).tolist()}]))
+    assert item.problem is not None and "corners" in item.problem
+
+
+def test_instance_numbers_in_lines_of_commas_and_below_a_name(tmp_path: Path, rng: np.random.Generator) -> None:
+    scene = Scene(rng.normal(size=(60, 3)))
+    numbers = np.arange(60) // 30 + 1
+    (tmp_path / "a.csv").write_text(",".join(map(str, numbers)))
+    (tmp_path / "b.csv").write_text("instance\n" + "\n".join(map(str, numbers)))
+    np.savez(tmp_path / "c.npz", instance_labels=numbers, points=scene.points)
+    for name in ("a.csv", "b.csv", "c.npz"):
+        assert [len(item.points) for item in objects_of(scene, tmp_path / name)] == [30, 30], name
+
+
+@pytest.mark.parametrize("name", ["instance_label", "instanceid", "scalar_Instance", "ins_label", "pred_instance"])
+def test_instance_properties_of_programs(tmp_path: Path, rng: np.random.Generator, name: str) -> None:
+    rows = "".join(f"{x} {y} {z} {number // 30 + 1}\n" for number, (x, y, z) in enumerate(rng.normal(size=(60, 3))))
+    header = "".join(f"property float {word}\n" for word in ("x", "y", "z", name))
+    (tmp_path / "a.ply").write_text(f"ply\nformat ascii 1.0\nelement vertex 60\n{header}end_header\n{rows}")
+    assert [len(item.points) for item in objects_of(read_scene(tmp_path / "a.ply"))] == [30, 30]

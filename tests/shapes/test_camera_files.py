@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from kpred.errors import ConfigError
 from kpred.shapes.depth import read_depth
@@ -57,6 +58,59 @@ camera_matrix: !!opencv-matrix
    dt: d
    data: [ 290., 0., 159.5, 0., 291., 119.5, 0., 0., 1. ]
 """
+OST = """# oST version 5.0 parameters
+
+[image]
+
+width
+320
+
+height
+240
+
+[narrow_stereo]
+
+camera matrix
+290.0 0.0 159.5
+0.0 291.0 119.5
+0.0 0.0 1.0
+
+distortion
+0.1 -0.2 0.0 0.0 0.0
+
+projection
+290.0 0.0 159.5 0.0
+0.0 291.0 119.5 0.0
+0.0 0.0 1.0 0.0
+"""
+ORBBEC = """[ColorIntrinsic]
+fx = 9
+fy = 9
+cx = 1
+cy = 1
+[DepthIntrinsic]
+fx = 290
+fy = 291
+cx = 159.5
+cy = 119.5
+width = 320
+height = 240
+"""
+OPENCV_XML = """<?xml version="1.0"?>
+<!DOCTYPE x [<!ENTITY a "aaaa">]>
+<opencv_storage>
+<image_width>320</image_width>
+<image_height>240</image_height>
+<camera_matrix type_id="opencv-matrix">
+  <rows>3</rows>
+  <cols>3</cols>
+  <dt>d</dt>
+  <data>
+    290. 0. 159.5 0. 291. 119.5 0. 0. 1.</data></camera_matrix>
+</opencv_storage>
+"""
+FOCAL = {"fx": 290.0, "fy": 291.0, "cx": 159.5, "cy": 119.5}
+LISTS = {"FocalLength": [290.0, 291.0], "PrincipalPoint": [159.5, 119.5]}
 ORB = """%YAML:1.0
 Camera.fx: 290.0
 Camera.fy: 291.0
@@ -122,6 +176,18 @@ AZURE = {
         ("camera_matrix.csv", "290.0,0,159.5\n0,291.0,119.5\n0,0,1\n", None, None),
         ("matlab.txt", "K = [290 0 159.5; 0 291 119.5; 0 0 1];\n", None, None),
         ("numpy.txt", f"array({K})\n".replace("], [", "],\n       ["), None, None),
+        ("librealsense.txt", "[ 320x240  p[159.5 119.5]  f[290 291]  Brown Conrady [0 0 0 0 0] ]\n", SIZE, None),
+        ("one line.txt", "width: 320, height: 240, ppx: 159.5, ppy: 119.5, fx: 290.0, fy: 291.0\n", SIZE, None),
+        ("ost.txt", OST, SIZE, None),
+        ("ost.ini", OST, SIZE, None),
+        ("ZED.conf", "[LEFT]\nfx=290\nfy=291\ncx=159.5\ncy=119.5\n[RIGHT]\nfx=9\nfy=9\ncx=1\ncy=1\n", None, None),
+        ("sections.txt", ORBBEC, SIZE, None),
+        ("opencv.xml", OPENCV_XML, SIZE, None),
+        ("arkit.json", json.dumps({"intrinsics": np.ravel(K, "F").tolist(), "imageResolution": SIZE}), SIZE, None),
+        ("arkit columns.json", json.dumps({"cameraIntrinsics": np.transpose(K).tolist()}), None, None),
+        ("replica.json", json.dumps({"camera": {**FOCAL, "w": 320, "h": 240, "scale": 6553.5}}), SIZE, 6553.5),
+        ("scene.json", json.dumps({**FOCAL, "w": 320, "h": 240, "scale": 0.33}), SIZE, None),
+        ("matlab.json", json.dumps({**LISTS, "ImageSize": [240, 320]}), SIZE, None),
         ("lists.json", json.dumps({"focal_length": [290.0, 291.0], "principal_point": [159.5, 119.5]}), None, None),
     ],
 )
@@ -274,3 +340,20 @@ def test_a_pose_among_several_frames_must_be_that_of_the_picture(tmp_path: Path)
     (tmp_path / "t.json").write_text(json.dumps(poses))
     with pytest.raises(ConfigError, match=r"t\.json: it holds 2 poses"):
         read_pose(tmp_path / "t.json", "c.png")
+
+
+def test_further_keys_of_poses(tmp_path: Path, pose: np.ndarray) -> None:
+    inverse = np.linalg.inv(pose)
+    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    texts = {
+        "a.json": json.dumps({"T_world_camera": pose.tolist()}),
+        "b.json": json.dumps({"world_from_camera": pose.tolist()}),
+        "c.json": json.dumps({"cam_from_world": inverse.tolist()}),
+        "d.json": json.dumps({"T_camera_world": inverse.tolist()}),
+        "e.json": json.dumps({"extrinsics": inverse.tolist()}),
+        "f.json": json.dumps(dict(zip(("tx", "ty", "tz", "qx", "qy", "qz", "qw"), [*pose[:3, 3], *quaternion]))),
+        "g.log": "0 0 1\n" + "\n".join(" ".join(map(str, row)) for row in pose.tolist()),
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+        np.testing.assert_allclose(read_pose(tmp_path / name), pose, atol=1e-7, err_msg=name)

@@ -305,7 +305,7 @@ def test_depths_in_pgm_pfm_and_archives(tmp_path: Path) -> None:
     for name in ("a.pgm", "a.pfm", "a.npz", "b.npz"):
         np.testing.assert_allclose(read_depth(tmp_path / name), depth, atol=6e-4, err_msg=name)
     np.savez(tmp_path / "c.npz", a=depth, b=depth)
-    with pytest.raises(ScanError, match=r"c\.npz: none of its arrays is named depth or mask"):
+    with pytest.raises(ScanError, match=r"c\.npz: none of its arrays is named depth or depths"):
         read_depth(tmp_path / "c.npz")
 
 
@@ -339,3 +339,18 @@ def test_ids_with_one_of_255_are_no_soft_edge(tmp_path: Path) -> None:
     Image.fromarray(ids).save(tmp_path / "a.png")
     with pytest.raises(ScanError, match=r"3 objects \(1, 2, 255\)"):
         read_mask(tmp_path / "a.png")
+
+
+def test_masks_in_other_pictures(tmp_path: Path) -> None:
+    mask = np.zeros((48, 64), bool)
+    mask[10:30, 20:40] = True
+    white = mask.astype(np.uint8) * 255
+    for name in ("a.jpg", "a.bmp", "a.gif", "a.webp"):
+        Image.fromarray(white).save(tmp_path / name, **({"lossless": True} if name == "a.webp" else {}))
+    np.save(tmp_path / "a.npy", mask[None, None])
+    np.savez(tmp_path / "a.npz", masks=mask, depth=np.ones((48, 64)))
+    for name in ("a.jpg", "a.bmp", "a.gif", "a.webp", "a.npy", "a.npz"):
+        np.testing.assert_array_equal(read_mask(tmp_path / name), mask, err_msg=name)
+    Image.fromarray(np.tile(np.arange(0, 256, 4, dtype=np.uint8), (48, 1))).save(tmp_path / "ids.jpg")
+    with pytest.raises(ScanError, match="JPEG changes the ids"):
+        read_mask(tmp_path / "ids.jpg")

@@ -473,3 +473,66 @@ def test_polygons_of_very_many_corners_are_cut_at_once(tmp_path):
     x, y = spiral.T
     wanted = 0.5 * abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
     assert read_mesh(tmp_path / "a.obj").area() == pytest.approx(wanted, rel=0.01)
+
+
+# ---- skins
+
+
+def skinned(joints: list[list[int]], inverse: np.ndarray) -> tuple[dict, bytes]:
+    """The box with a skin of two joints; the second stands 5 to the right of where it was when the skin was made."""
+    weights = np.zeros((8, 4), "<f4")
+    weights[:, 0] = 1
+    parts = [PLAIN, np.array(joints, "u1").tobytes(), weights.tobytes(), inverse.astype("<f4").tobytes()]
+    ends = np.cumsum([0, *map(len, parts)]).tolist()
+    more = [
+        {"componentType": 5121, "type": "VEC4", "count": 8, "bytes": (ends[1], ends[2])},
+        {"componentType": 5126, "type": "VEC4", "count": 8, "bytes": (ends[2], ends[3])},
+        {"componentType": 5126, "type": "MAT4", "count": 2, "bytes": (ends[3], ends[4])},
+    ]
+    data = b"".join(parts)
+    content = gltf(plain_accessors() + more, data)
+    content["meshes"][0]["primitives"][0]["attributes"] |= {"JOINTS_0": 2, "WEIGHTS_0": 3}
+    content["nodes"] = [
+        {"mesh": 0, "skin": 0, "translation": [50, 0, 0]},
+        {"translation": [1, 2, 3]},
+        {"translation": [6, 2, 3]},
+    ]
+    content["scenes"] = [{"nodes": [0, 1, 2]}]
+    content["skins"] = [{"joints": [1, 2], "inverseBindMatrices": 4}]
+    return content, data
+
+
+def test_skinned_meshes_stand_where_their_joints_put_them(tmp_path):
+    bind = np.tile(np.eye(4), (2, 1, 1))
+    bind[:, :3, 3] = [-1, -2, -3]
+    joints = [[row % 2, 0, 0, 0] for row in range(8)]
+    write_glb(tmp_path / "a.glb", *skinned(joints, bind.transpose(0, 2, 1)))
+    found = read_geometry(tmp_path / "a.glb")
+    expected = VERTICES + np.array([[5.0 * (row % 2), 0, 0] for row in range(8)])
+    np.testing.assert_allclose(found.vertices, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("fault", ["a joint that is not there", "no weights"])
+def test_meshes_with_damaged_skins_stand_at_their_nodes(tmp_path, fault):
+    joints = [[9 if fault.startswith("a joint") else 0, 0, 0, 0]] * 8
+    content, data = skinned(joints, np.tile(np.eye(4), (2, 1, 1)))
+    if fault == "no weights":
+        del content["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"]
+    write_glb(tmp_path / "a.glb", content, data)
+    np.testing.assert_allclose(read_geometry(tmp_path / "a.glb").vertices, VERTICES + [50, 0, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["FB_ngon_encoding", "KHR_materials_unlit", "EXT_texture_webp", "KHR_lights_punctual"])
+def test_extensions_without_geometry_may_be_required(tmp_path, name):
+    write_glb(tmp_path / "a.glb", gltf(plain_accessors(), PLAIN, extensionsRequired=[name]), PLAIN)
+    check(tmp_path / "a.glb")
+
+
+def test_obj_in_capitals_and_with_whole_floats_for_numbers(tmp_path):
+    lines = [f"V {x} {y} {z}" for x, y, z in VERTICES.tolist()]
+    lines += [f"F {a}.0 {b}.0 {c}.0" for a, b, c in (ALL + 1).tolist()]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    check(tmp_path / "a.obj")
+    (tmp_path / "a.obj").write_text("\n".join(lines).replace("F 1.0", "F 1.5"))
+    with pytest.raises(MeshError, match="not a proper OBJ line"):
+        read_geometry(tmp_path / "a.obj")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,29 +20,22 @@ REACH = 1.25
 """Annotated models are the nearest in ShapeNet, not the same product: their boxes are taken this much larger."""
 
 
+_CENTERS = ("center", "centroid", "centre", "position", "location")
+_SIZES = ("size", "dimensions", "extent", "extents", "lengths")
+_LABELS = ("category", "label", "class", "classname", "class_name", "type")
+
+
 def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarray | str:
     """Return the mask (N,) of points (N, 3) in a box, or the reason why the box is invalid.
 
     A box is `center` (3,), `size` (3,), full lengths along x, y and z before it is turned, and `yaw`, radians about the
     up axis (0 when left out), or instead of it `axes`, (3, 3) with the directions of its sides in rows; or `corners`,
-    two opposite ones as (2, 3) or (3, 2); or `min` and `max`. It stands in the scene's frame and units.
+    two opposite ones as (2, 3) or (3, 2), or all eight; or `min` and `max`. It stands in the scene's frame and units.
     """
-    axes: np.ndarray | None = None
     try:
-        if "axes" in box:
-            axes = np.asarray(box["axes"], dtype=np.float64).reshape(3, 3)
-        if "center" in box:
-            center = np.asarray(box["center"], dtype=np.float64)
-            size = np.asarray(box["size"], dtype=np.float64)
-            yaw = float(box.get("yaw", 0.0))
-        else:
-            corners = np.asarray(box["corners"] if "corners" in box else [box["min"], box["max"]], dtype=np.float64)
-            corners = corners.T if corners.shape == (3, 2) else corners
-            if corners.shape != (2, 3):
-                return "it is neither center, size and yaw nor two corners"
-            center, size, yaw = corners.mean(axis=0), np.abs(corners[1] - corners[0]), 0.0
+        center, size, yaw, axes = _of_box(box)
     except (KeyError, TypeError, ValueError, OverflowError):
-        return "it is neither center, size and yaw nor two corners"
+        return "it is neither center, size and yaw nor corners"
     if center.shape != (3,) or size.shape != (3,):
         return "its center and size are not three numbers each"
     if not (np.isfinite(center).all() and np.isfinite(size).all() and np.isfinite(yaw)):
@@ -54,6 +48,67 @@ def box_members(points: np.ndarray, up: str, box: Mapping[str, Any]) -> np.ndarr
         local = (points - center) @ (_yaw_rotation(up, yaw) if axes is None else axes.T)
     inside: np.ndarray = (np.abs(local) <= size / 2 + 1e-9).all(axis=1)
     return inside
+
+
+def box_label(box: Mapping[str, Any]) -> str | None:
+    """Return what a box says that it holds, under any of several keys."""
+    for key in _LABELS:
+        value = box.get(key)
+        # RoomPlan writes {"chair": {}}.
+        value = next(iter(value), None) if isinstance(value, dict) else value
+        if isinstance(value, str) and value.strip():
+            return value
+    return None
+
+
+def _of_box(box: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, float, np.ndarray | None]:
+    """Return center (3,), size (3,), yaw and axes (3, 3), one of them per row, where the box names them.
+
+    Raises:
+        KeyError, TypeError, ValueError: something is missing or no number.
+    """
+    if "transform" in box and "dimensions" in box:  # RoomPlan: a matrix column by column
+        matrix = np.asarray(box["transform"], dtype=np.float64).reshape(4, 4)
+        return matrix[3, :3], np.asarray(box["dimensions"], dtype=np.float64), 0.0, matrix[:3, :3]
+    center, size = _first(box, _CENTERS), _first(box, _SIZES)
+    if center is None or (size is None and "coeffs" not in box):
+        corners = np.asarray(box["corners"] if "corners" in box else [box["min"], box["max"]], dtype=np.float64)
+        if corners.shape == (8, 3):
+            return _of_corners(corners)
+        corners = corners.T if corners.shape == (3, 2) else corners
+        if corners.shape != (2, 3):
+            raise ValueError("neither two corners nor eight")
+        return corners.mean(axis=0), np.abs(corners[1] - corners[0]), 0.0, None
+    # SUN RGB-D writes half lengths.
+    sides = np.asarray(size, dtype=np.float64) if size is not None else 2 * np.asarray(box["coeffs"], dtype=np.float64)
+    axes = _first(box, ("axes", "basis"))
+    columns = _first(box, ("R", "rotation_matrix"))  # Open3D: an axis per column
+    rows = None if axes is None else np.asarray(axes, dtype=np.float64).reshape(3, 3)
+    rows = rows if columns is None else np.asarray(columns, dtype=np.float64).reshape(3, 3).T
+    yaw = _first(box, ("yaw", "heading", "heading_angle"))
+    return np.asarray(center, dtype=np.float64), sides, float(yaw or 0.0), rows
+
+
+def _first(box: Mapping[str, Any], keys: Sequence[str]) -> Any:
+    return next((box[key] for key in keys if box.get(key) is not None), None)
+
+
+def _of_corners(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """Find center, size and axes of the box with these eight corners (8, 3), in any order.
+
+    Raises:
+        ValueError: they are not those of a box.
+    """
+    sides = corners[1:] - corners[0]
+    scale = float(np.abs(sides).max())
+    for triple in itertools.combinations(range(7), 3):
+        edges = sides[list(triple)]
+        lengths = np.linalg.norm(edges, axis=1)
+        is_square = np.abs(edges @ edges.T - np.diag(lengths**2)).max() <= 1e-2 * scale**2
+        is_whole = np.linalg.norm(sides - edges.sum(axis=0), axis=1).min() <= 1e-2 * scale
+        if is_square and is_whole and lengths.min() > 0:
+            return corners.mean(axis=0), lengths, 0.0, edges / lengths[:, None]
+    raise ValueError("not the corners of a box")
 
 
 def arkit_boxes(entries: Sequence[Any]) -> list[dict[str, Any]]:

@@ -16,9 +16,15 @@ from kpred.shapes.formats.scene_ply import vertex_columns
 from kpred.shapes.formats.text_lines import open_lines
 from kpred.shapes.reading import check_file, reading
 
-INSTANCE_PROPERTIES = ("instance", "instance_id", "instances", "object_id", "objectid", "obj_id", "inst")
+INSTANCE_PROPERTIES = (
+    *("instance", "instance_id", "instances", "object_id", "objectid", "obj_id", "inst", "instanceid"),
+    *("instance_label", "ins_label", "instance_ids", "instance_labels", "object", "pred_instance"),
+)
+_ARRAYS = (*INSTANCE_PROPERTIES, "labels")
 LABEL_PROPERTIES = ("label", "nyu40", "nyu40id")
 TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts", ".labels")
+
+_BLANKS = bytes.maketrans(b",;", b"  ")
 
 _MAX_NUMBER = 2**53
 """Beyond it not all whole numbers are floats."""
@@ -47,7 +53,8 @@ def instance_numbers(file: Path, count: int) -> np.ndarray:
 def column_numbers(columns: Columns, names: tuple[str, ...]) -> np.ndarray | None:
     """Return the first present property of these, (N,) int64; NaN and infinite numbers become -1."""
     for name in names:
-        column = columns.get(name)
+        # CloudCompare writes scalar_ before names.
+        column = columns.get(name, columns.get(f"scalar_{name}"))
         if column is not None and not isinstance(column, PlyLists):
             finite = np.nan_to_num(column, nan=-1, posinf=-1, neginf=-1)
             return np.where(np.abs(finite) < _MAX_NUMBER, finite, -1).astype(np.int64)
@@ -85,14 +92,20 @@ def _raw_numbers(file: Path) -> np.ndarray:
         return columns[found[0]]
     if extension in TEXT_EXTENSIONS:
         with open_lines(file) as lines:
-            return np.array([number_of(word) for line in lines for word in line.split(b"#", 1)[0].split()])
+            words = [word for line in lines for word in line.split(b"#", 1)[0].translate(_BLANKS).split()]
+        return np.array([number_of(word) for word in (words[1:] if _is_title(words) else words)])
     raise ScanError(f"{file}: objects are given as .npy, .npz, .txt, .ply or .json; unknown extension {extension!r}.")
+
+
+def _is_title(words: list[bytes]) -> bool:
+    """Test whether the first word names the column."""
+    return bool(words) and words[0].strip(b"\"'").lower().decode("latin-1") in (*_ARRAYS, "label", "id")
 
 
 def _of_archive(file: Path) -> np.ndarray:
     with zipfile.ZipFile(file) as archive:
         names = [name.removesuffix(".npy") for name in archive.namelist()]
-        known = [name for name in ("instances", "instance", "labels") if name in names]
+        known = [name for name in _ARRAYS if name in names]
         if not known and len(names) != 1:
             raise ScanError(f"{file}: none of its arrays is named instances; name one so.")
         name = f"{(known or names)[0]}.npy"

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kpred.errors import ScanError
-from kpred.scenes.boxes import annotated_members, arkit_boxes, box_members, labelcloud_box
+from kpred.scenes.boxes import annotated_members, arkit_boxes, box_label, box_members, labelcloud_box
 from kpred.scenes.instances import instance_numbers
 from kpred.scenes.scan2cad import AlignedModel, SceneAnnotation, read_json
 from kpred.scenes.scene import Scene
@@ -63,8 +63,9 @@ def objects_of(scene: Scene, file: str | os.PathLike[str] | None = None) -> list
     - ARKitScenes' `*_3dod_annotation.json`: its oriented boxes; Replica's `info_semantic.json`: names of instances;
     - Scan2CAD's `full_annotations.json`: the points in and around the placed CAD model's box that are, where the scene
       has labels, of its class;
-    - boxes: a JSON list of objects with `center`, `size` and `yaw` (radians about the up axis), or with `corners` (two
-      opposite ones), and `name` and `category` where known; points labelled wall, floor or ceiling are left out;
+    - boxes: a JSON list of objects with `center`, `size` and `yaw` (radians about the up axis) or `axes`, or with
+      `corners` (two opposite ones, or eight), or RoomPlan's `dimensions` and `transform`, and `name` and `category`
+      where known; points labelled wall, floor or ceiling are left out;
     - S3DIS's `Annotations` folder with one .txt of points an object.
     None takes the instance numbers in the scene's own PLY, of its vertices or of its faces (Replica).
 
@@ -186,8 +187,8 @@ def _from_boxes(scene: Scene, file: Path, boxes: Sequence[Any]) -> list[SceneObj
     objects = []
     for number, item in enumerate(boxes):
         box = (labelcloud_box(item) or item) if isinstance(item, dict) else {"corners": item}
-        label = box.get("category", box.get("label"))
-        category = category_of(label) if isinstance(label, str) and label.strip() else None
+        label = box_label(box)
+        category = None if label is None else category_of(label)
         name = str(box.get("name") or f"{category or 'object'}_{number}")
         members = box_members(scene.points, scene.up, box)
         if isinstance(members, str):

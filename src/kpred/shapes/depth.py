@@ -16,11 +16,12 @@ from PIL import Image
 from kpred.errors import ConfigError, ScanError
 from kpred.ops.typing import Bool, Float
 from kpred.shapes.camera import Camera
-from kpred.shapes.picture_file import has_soft_edges, mask_channel, one_channel, read_picture
+from kpred.shapes.picture_file import has_soft_edges, lossy_mask, mask_channel, one_channel, read_picture
 from kpred.shapes.scan import MINIMUM_POINTS
 
 DEPTH_EXTENSIONS = (".png", ".npy", ".npz", ".tif", ".tiff", ".pgm", ".pfm")
-MASK_EXTENSIONS = (".png", ".npy", ".npz", ".tif", ".tiff", ".pgm")
+_LOSSY = (".jpg", ".jpeg")
+MASK_EXTENSIONS = (".png", ".npy", ".npz", ".tif", ".tiff", ".pgm", ".bmp", ".gif", ".webp", *_LOSSY)
 
 MILLIMETRES = 1000.0
 """Units per metre of whole-number depth pictures when nothing else is said."""
@@ -137,6 +138,8 @@ def read_mask(path: str | os.PathLike[str], mask_id: int | None = None) -> Bool[
     """
     file = Path(path)
     array = mask_channel(read_picture(file, MASK_EXTENSIONS, "mask"))
+    if file.suffix.lower() in _LOSSY:
+        array = lossy_mask(array, file)
     if array.ndim != 2 or array.dtype.kind not in "biu":
         raise ScanError(
             f"{file}: a mask is one channel of instance ids or booleans, but this is {array.dtype} of shape "

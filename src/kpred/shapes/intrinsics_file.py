@@ -26,6 +26,9 @@ from kpred.shapes.intrinsics_keys import (
     SIZE_KEYS,
 )
 
+_MIN_UNITS = 100.0
+"""Units of depth in a metre, at least, for a key that may mean something else."""
+
 Size = tuple[int, int]
 """Width and height in pixels."""
 
@@ -102,7 +105,8 @@ def _cameras(file: Path, content: Any, picture: Size | None) -> Iterator[tuple[i
                 values = (lowered.get(focal), lowered.get(point))
                 if all(isinstance(value, list) and len(value) == 2 for value in values):
                     pairs = numbers(file, values)
-                    yield rank, _of_numbers([*pairs[0], *pairs[1]]), next(iter(sizes.values()), None)
+                    size = next(iter(sizes.values()), None)
+                    yield rank, _of_numbers([*pairs[0], *pairs[1]]), _turned(size, pairs[1])
             for name, suffix in MATRIX_KEYS:
                 value = lowered.get(name)
                 if isinstance(value, list) and value and not isinstance(value[0], dict):
@@ -117,6 +121,14 @@ def _cameras(file: Path, content: Any, picture: Size | None) -> Iterator[tuple[i
         model = {str(key).lower(): value for key, value in inner.items()} if isinstance(inner, dict) else {}
         if isinstance(model.get("modelparameters"), list):
             yield rank, *_azure(file, lowered | model, picture)
+
+
+def _turned(size: Size | None, point: np.ndarray) -> Size | None:
+    """Return width and height where a file names height and width (MATLAB), by the principal point."""
+    if size is None:
+        return None
+    across, down = (max(abs(2 * point / np.array(order) - 1)) for order in (size, size[::-1]))
+    return size if across <= down else (size[1], size[0])
 
 
 def _of_rows(file: Path, content: Any) -> list[tuple[np.ndarray, Size | None]]:
@@ -192,6 +204,8 @@ def _sizes(file: Path, item: dict[str, Any]) -> dict[str, Size]:
         values = [lowered.get(name) for name in names]
         if len(names) == 1 and isinstance(values[0], list) and len(values[0]) == 2:
             values = values[0]
+        if len(names) == 1 and isinstance(values[0], dict):
+            values = [values[0].get("width"), values[0].get("height")]
         # ROS names a region of interest of 0 x 0 pixels where there is none.
         if len(values) != 2 or None in values or suffix in found or values == [0, 0]:
             continue
@@ -211,6 +225,9 @@ def _scale(content: Any) -> float | None:
             value = lowered.get(name)
             if _is_number(value) and value is not None and float(value) > 0:
                 return _units_per_metre(float(value))
+        # Replica; elsewhere a scale is that of the scene.
+        if "fx" in lowered and _is_number(lowered.get("scale")) and float(lowered["scale"] or 0) > _MIN_UNITS:
+            return float(lowered["scale"])
     return None
 
 

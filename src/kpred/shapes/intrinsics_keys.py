@@ -42,6 +42,9 @@ MATRIX_KEYS = (
     ("intrinsics", ""),
     ("intrinsic", ""),
     ("camera_intrinsics", ""),
+    ("camera_intrinsic", ""),
+    ("cameraintrinsics", ""),
+    ("intrinsics_matrix", ""),  # Matterport3D
     ("cam_k", ""),  # BOP
     ("mtx", ""),  # OpenCV's examples
     ("k", ""),  # ROS 1 and 2, Record3D
@@ -61,6 +64,7 @@ SIZE_KEYS = (
     (("camera.width", "camera.height"), ""),
     (("resolution",), ""),  # Kalibr
     (("image_size",), ""),
+    (("imageresolution",), ""),  # ARKit
     (("imagesize",), ""),
 )
 

@@ -19,7 +19,15 @@ _MAX_PIXELS = 1 << 25
 """Pixels of a picture of depths or ids; sensors have two million, and each takes 8 bytes, several times."""
 
 
-_NAMES = ("depth", "mask", "depths", "depth_map", "arr_0")
+_NAMES = {
+    "depth picture": ("depth", "depths", "depth_map", "depthmap", "arr_0"),
+    "mask": ("mask", "masks", "segmentation", "arr_0"),
+}
+"""Names of arrays in archives, by what they are."""
+
+_BLACK, _MAX_BETWEEN = 64, 0.02
+"""Values that count as black, and pixels of a mask between black and white, to all."""
+
 _SOLID, _MIN_SHADES = 0.8, 5
 """Of an object with soft edges: pixels of full value to all, and different values."""
 
@@ -58,6 +66,8 @@ def read_picture(file: Path, extensions: tuple[str, ...], kind: str) -> np.ndarr
 
 def one_channel(array: np.ndarray) -> np.ndarray:
     """Return (height, width) of a picture with one channel before or behind, others as they are."""
+    while array.ndim > 3 and array.shape[0] == 1:
+        array = array[0]
     if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
         return array.reshape(array.shape[1:] if array.shape[0] == 1 else array.shape[:2])
     return array
@@ -91,13 +101,26 @@ def has_soft_edges(array: np.ndarray) -> bool:
     return bool(counts[-1] > _SOLID * counts.sum() and np.count_nonzero(counts) > _MIN_SHADES)
 
 
+def lossy_mask(array: np.ndarray, file: Path) -> np.ndarray:
+    """Return the pixels of one white object on black ground, (height, width) bool, of a picture that JPEG smeared.
+
+    Raises:
+        ScanError: other values than black and white.
+    """
+    between = np.count_nonzero((array > _BLACK) & (array < 255 - _BLACK))
+    if array.ndim != 2 or array.dtype != np.uint8 or between > _MAX_BETWEEN * array.size:
+        raise ScanError(f"{file}: JPEG changes the ids of a mask; save it as .png.")
+    return np.asarray(array >= 128)
+
+
 def _archive(file: Path, kind: str) -> np.ndarray:
     """Read the array of a .npz file that is named depth or mask, or its only one."""
     with zipfile.ZipFile(file) as archive:
         names = archive.namelist()
-        known = [name for name in names if name.removesuffix(".npy").lower() in _NAMES]
+        wanted = _NAMES[kind]
+        known = [name for name in names if name.removesuffix(".npy").lower() in wanted]
         if len(known) != 1 and len(names) != 1:
-            raise ScanError(f"{file}: none of its arrays is named {_NAMES[0]} or {_NAMES[1]}; name the {kind} so.")
+            raise ScanError(f"{file}: none of its arrays is named {wanted[0]} or {wanted[1]}; name the {kind} so.")
         name = (known or names)[0]
         check_expansion(archive.getinfo(name), str(file))
         with archive.open(name) as stream:

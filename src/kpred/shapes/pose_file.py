@@ -14,16 +14,23 @@ from kpred.ops.typing import Float
 from kpred.shapes.camera import check_pose
 from kpred.shapes.formats.keyed_content import dictionaries, numbers, read_keyed
 
-OPENCV_KEYS = ("camera_to_world", "cam_to_world", "cam2world", "c2w", "camera_pose", "aligned_pose", "pose", "t_wc")
+OPENCV_KEYS = (
+    *("camera_to_world", "cam_to_world", "cam2world", "c2w", "camera_pose", "aligned_pose", "pose", "t_wc"),
+    *("t_world_camera", "t_world_cam", "world_from_camera", "world_from_cam", "world_t_camera", "cameratoworld"),
+)
 """Camera-to-world, x right, y down, z forward."""
 
 OPENGL_KEYS = ("transform_matrix", "transformmatrix", "cameraposearframe", "transform")
 """Camera-to-world, x right, y up, z backward: NeRF, instant-ngp, nerfstudio, ARKit."""
 
-INVERSE_KEYS = ("world_to_camera", "world_to_cam", "world2cam", "w2c", "t_cw")
+INVERSE_KEYS = (
+    *("world_to_camera", "world_to_cam", "world2cam", "w2c", "t_cw", "t_camera_world", "t_cam_world"),
+    *("camera_from_world", "cam_from_world", "camera_t_world", "worldtocamera", "extrinsics"),
+)
 """World-to-camera, x right, y down, z forward."""
 
 _POLYCAM = tuple(f"t_{row}{column}" for row in range(3) for column in range(4))
+_TUM = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -42,6 +49,8 @@ def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | No
     """
     file = Path(path)
     content = read_keyed(file, "pose")
+    if isinstance(content, list) and [len(row) for row in content if isinstance(row, list)] == [3, 4, 4, 4, 4]:
+        content = content[1:]  # Open3D's .log: numbers of frames come first.
     if isinstance(content, dict):
         return check_pose(_of_keys(file, _frame(file, content, picture), picture), str(file))
     return check_pose(_square(numbers(file, content)), str(file))
@@ -84,6 +93,8 @@ def _of_dictionary(file: Path, item: dict[str, Any]) -> np.ndarray | None:
         key = next((key for key in keys if isinstance(lowered.get(key), list)), None)
         if key is not None:
             return _converted(file, _square(numbers(file, lowered[key])), convention)
+    if all(key in lowered for key in _TUM):
+        return _square(numbers(file, [lowered[key] for key in _TUM]))
     for place, turn in (("position", "orientation"), ("translation", "rotation")):
         if isinstance(lowered.get(place), dict) and isinstance(lowered.get(turn), dict):
             return _of_ros(file, lowered[place], lowered[turn])

@@ -11,6 +11,36 @@ from pathlib import Path
 from kpred.errors import KpredError
 
 _GIT_LFS = b"version https://git-lfs"
+_START = 64
+_MARKS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
+    (b"ply\n", "a PLY file", (".ply",)),
+    (b"ply\r", "a PLY file", (".ply",)),
+    (b"# .PCD", "a PCD file", (".pcd",)),
+    (b"glTF", "a binary glTF file", (".glb", ".gltf")),
+    (b"LASF", "a LAS file", (".las", ".laz")),
+    (b"ASTM-E57", "an E57 file", (".e57",)),
+    (b"\x93NUMPY", "a NumPy array", (".npy",)),
+    (b"PXR-USDC", "a USD file", (".usdc", ".usd")),
+    (b"#usda", "a USD file", (".usda", ".usd")),
+    (b"OFF\n", "an OFF file", (".off",)),
+    (b"solid ", "an STL file", (".stl",)),
+    (b"\x89PNG", "a PNG picture", (".png",)),
+    (b"\xff\xd8\xff", "a JPEG picture", (".jpg", ".jpeg")),
+    (b"\x89HDF", "an HDF5 file", (".h5", ".hdf5")),
+    (b"MATLAB 5.0", "a MATLAB file", (".mat",)),
+    (b"Kaydara FBX", "an FBX file", (".fbx",)),
+    (b"ISO-10303-21", "a STEP or IFC file", (".stp", ".step", ".ifc")),
+    (b"PAR1", "a Parquet file", (".parquet",)),
+    (b"SQLite format 3", "an SQLite database", (".kpred", ".db")),
+    (b"\x1f\x8b", "a file that is compressed by gzip", (".gz",)),
+    (b"Rar!", "a RAR archive", (".rar",)),
+    (b"7z\xbc\xaf", "a 7z archive", (".7z",)),
+    (b"PK\x03\x04", "a ZIP archive", (".zip", ".npz", ".usdz", ".3mf")),
+    (b"<!doctype html", "a web page", ()),
+    (b"<html", "a web page", ()),
+)
+"""First bytes of files, what they are, and their extensions."""
+
 _MAX_POINTER = 1024
 """Bytes of a pointer of Git LFS; it has some 130."""
 
@@ -29,9 +59,10 @@ def reading(path: str | os.PathLike[str], error_type: type[KpredError], kind: st
     what = kind or f"{Path(path).suffix.lower() or 'text'} file"
     try:
         yield
-    except error_type:
-        raise
     except KpredError as error:
+        _check_content(Path(path), error_type, error)
+        if isinstance(error, error_type):
+            raise
         raise error_type(str(error)) from error
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
@@ -41,6 +72,7 @@ def reading(path: str | os.PathLike[str], error_type: type[KpredError], kind: st
     except RecursionError as error:
         raise error_type(f"{path}: it is nested too deeply to be a {what}; export it again.") from error
     except Exception as error:
+        _check_content(Path(path), error_type, error)
         raise error_type(f"{path}: it is not a readable {what} ({_reason(error)}); export it again.") from error
 
 
@@ -71,6 +103,23 @@ def leads_outside(file: Path, owner: Path) -> bool:
     """Test whether links lead a file that `owner` names out of the folder of `owner`, as it is or as it is linked."""
     place = file.resolve()
     return not any(place.is_relative_to(folder) for folder in (owner.parent.resolve(), owner.resolve().parent))
+
+
+def _check_content(path: Path, error_type: type[KpredError], cause: Exception) -> None:
+    """Say what a file that could not be read is, where its first bytes say something else than its extension.
+
+    Raises:
+        KpredError: of `error_type`.
+    """
+    try:
+        with open(path, "rb") as stream:
+            start = stream.read(_START).removeprefix(b"\xef\xbb\xbf").lstrip(b"\r\n\t ")
+    except OSError:
+        return
+    for mark, what, extensions in _MARKS:
+        if start[: len(mark)].lower() == mark.lower() and path.suffix.lower() not in extensions:
+            mend = f"name it {extensions[0]}" if extensions else "download it again"
+            raise error_type(f"{path}: its content is that of {what}, not of {path.suffix}; {mend}.") from cause
 
 
 def _reason(error: Exception) -> str:

@@ -25,7 +25,7 @@ from kpred.shapes.mesh_io import Geometry, read_geometry
 from kpred.shapes.precision import single_precision_step
 from kpred.shapes.reading import check_file, reading
 
-TEXT_EXTENSIONS = (".xyz", ".txt", ".csv", ".asc", ".pts")
+TEXT_EXTENSIONS = (".xyz", ".xyzn", ".xyzrgb", ".txt", ".csv", ".tsv", ".asc", ".dat", ".pts")
 MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf")
 POINT_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".ptx", ".las", ".laz", ".e57", ".npy", ".npz")
 SCAN_EXTENSIONS = (*POINT_EXTENSIONS, *MESH_SCAN_EXTENSIONS)
@@ -73,7 +73,7 @@ class ScanWarning(UserWarning):
 def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int = 0) -> Float[np.ndarray, "points 3"]:
     """Read the points of a scan, in the file's own frame and unit.
 
-    Points come from .ply, .pcd, .xyz, .txt, .csv, .asc, .pts, .ptx, .las, .laz, .e57, .npy and .npz; columns other than
+    Points come from .ply, .pcd, .xyz, .txt, .csv (and other text), .pts, .ptx, .las, .laz, .e57, .npy and .npz; columns other than
     x, y, z are ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices when it is a dense
     scan mesh, as scanners and depth fusion make them; when it has large faces, as CAD models and decimated scans do,
     points are drawn evenly from its surface by ``seed``. Memory is bounded by ``max_points`` for files of points other

@@ -17,6 +17,7 @@ from kpred.shapes.appearance.gltf_buffer import GltfBuffer
 from kpred.shapes.formats.gltf import instance_transforms, scene_roots, walk_node_numbers
 from kpred.shapes.formats.gltf_accessor import read_accessor, read_stored_accessor
 from kpred.shapes.formats.gltf_file import GltfFile, read_gltf_file
+from kpred.shapes.formats.gltf_skin import skin_vertices
 
 COUNT = "kpred_vertices"
 """Key of a primitive of a template: how many positions it lacks."""
@@ -58,6 +59,8 @@ class _Template:
     def __init__(self, file: GltfFile) -> None:
         self.file = file
         self.buffer = GltfBuffer()
+        self.worlds: dict[int, np.ndarray] = {}
+        self.skin: Any = None
         source = copy.deepcopy(file.content)
         self.content: dict[str, Any] = {key: source[key] for key in _KEPT if key in source}
         for key in ("extensionsUsed", "extensionsRequired"):
@@ -76,10 +79,11 @@ class _Template:
 
     def build(self) -> None:
         """Go through all nodes in the order in which `read_gltf` does."""
-        for number, world in list(walk_node_numbers(self.file)):
+        self.worlds = dict(walk_node_numbers(self.file))
+        for number, world in self.worlds.items():
             node = self.nodes[number]
-            for key in ("skin", "weights"):
-                node.pop(key, None)
+            self.skin = node.pop("skin", None)
+            node.pop("weights", None)
             if "mesh" not in node:
                 continue
             entry = self.file.item("meshes", node["mesh"])
@@ -117,6 +121,10 @@ class _Template:
         if "POSITION" not in attributes:
             return None
         points = attributes.pop("POSITION")[0].astype(np.float64)
+        if self.skin is not None and _DRACO not in entry.get("extensions", {}):
+            points = skin_vertices(self.file, self.skin, entry["attributes"], points, self.worlds, world)
+        else:
+            points = points @ world[:3, :3].T + world[:3, 3]
         order = np.arange(len(points)) if indices is None else indices[:, 0].astype(np.int64)
         used, inverse = np.unique(order, return_inverse=True)
         rows = np.full(len(points), -1)
@@ -128,7 +136,7 @@ class _Template:
             points, rows = points[used], rows[used]
             attributes = {name: (array[used], flag) for name, (array, flag) in attributes.items()}
             indices = inverse.reshape(-1, 1).astype(np.uint32 if len(used) > 65535 else np.uint16)
-        self.positions.append(points @ world[:3, :3].T + world[:3, 3])
+        self.positions.append(points)
         self.rows.append(rows)
         kept = {key: value for key, value in entry.items() if key not in ("attributes", "indices", "targets")}
         if _DRACO in kept.get("extensions", {}):

@@ -12,6 +12,7 @@ from kpred.errors import MeshError
 from kpred.shapes.formats.geometry import Geometry
 from kpred.shapes.formats.gltf_accessor import read_accessor
 from kpred.shapes.formats.gltf_file import GltfFile, read_gltf_file
+from kpred.shapes.formats.gltf_skin import skin_vertices
 from kpred.shapes.formats.ply_mesh import strip_triangles
 
 _INSTANCING = "EXT_mesh_gpu_instancing"
@@ -29,26 +30,29 @@ def read_gltf(path: Path) -> Geometry:
     """Read vertices, faces and parts of the file's own scene.
 
     A part is one primitive at one node. Triangles, strips, fans and points are read; lines are left out. Morph targets
-    have their default weights; skins are ignored.
+    have their default weights, and skins the pose of the file's nodes.
 
     Raises:
         MeshError: damaged, cut short, or an extension that is not supported is required.
     """
     file = read_gltf_file(path)
-    meshes: dict[int, list[_Primitive]] = {}
+    meshes: dict[tuple[int, int | None], list[_Primitive]] = {}
     positions: dict[int, np.ndarray] = {}
     vertices, faces, parts = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
     count = number = stored = placed = 0
-    for node, world in walk_nodes(file):
+    worlds = dict(walk_node_numbers(file))
+    for place, world in worlds.items():
+        node = file.item("nodes", place)
         if "mesh" not in node:
             continue
-        mesh = node["mesh"]
-        entry = file.item("meshes", mesh)
+        entry = file.item("meshes", node["mesh"])
+        is_skinned = node.get("skin") is not None
+        mesh = node["mesh"], place if is_skinned else None
         if mesh not in meshes:
-            meshes[mesh] = list(_primitives(file, entry, node, positions))
-            stored += sum(len(points) + len(triangles) for points, triangles in meshes[mesh])
+            meshes[mesh] = list(_primitives(file, entry, place, positions, worlds))
+            stored += 0 if is_skinned else sum(len(points) + len(triangles) for points, triangles in meshes[mesh])
         for local in instance_transforms(file, node):
-            matrix = world @ local
+            matrix = np.eye(4) if is_skinned else world @ local
             for points, triangles in meshes[mesh]:
                 placed += len(points) + len(triangles)
                 if placed > stored + _MAX_PLACED:
@@ -80,7 +84,10 @@ def scene_roots(file: GltfFile) -> list[int]:
 
 
 def walk_node_numbers(file: GltfFile) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield numbers of nodes and their (4, 4) transforms to the world, in the order in which meshes are read."""
+    """Yield numbers of nodes and their (4, 4) transforms to the world, in the order in which meshes are read.
+
+    Nodes are those of the default scene; without scenes, all.
+    """
     waiting = [(number, np.eye(4)) for number in reversed(scene_roots(file))]
     seen: set[int] = set()
     while waiting:
@@ -155,9 +162,14 @@ def instance_transforms(file: GltfFile, node: dict[str, Any]) -> Iterator[np.nda
 
 
 def _primitives(
-    file: GltfFile, mesh: dict[str, Any], node: dict[str, Any], positions: dict[int, np.ndarray]
+    file: GltfFile,
+    mesh: dict[str, Any],
+    place: int,
+    positions: dict[int, np.ndarray],
+    worlds: dict[int, np.ndarray],
 ) -> Iterator[_Primitive]:
-    """Read the meshes of one node; `positions` caches accessors that primitives share."""
+    """Read the mesh of the node at a place, in the world where it has a skin; `positions` caches shared accessors."""
+    node, own = file.item("nodes", place), worlds[place]
     weights = node.get("weights", mesh.get("weights"))
     entries = mesh.get("primitives")
     for primitive in entries if isinstance(entries, list) else []:
@@ -168,9 +180,13 @@ def _primitives(
             continue
         extensions = primitive.get("extensions")
         if isinstance(extensions, dict) and isinstance(extensions.get(_DRACO), dict):
-            yield _draco(file, extensions[_DRACO])
+            vertices, triangles = _draco(file, extensions[_DRACO])
+            # Of a compressed mesh the joints are not read; at rest they leave it where its node puts it.
+            yield (vertices if node.get("skin") is None else vertices @ own[:3, :3].T + own[:3, 3]), triangles
             continue
         vertices = read_positions(file, primitive, weights if isinstance(weights, list) else [], positions)
+        if node.get("skin") is not None:
+            vertices = skin_vertices(file, node["skin"], primitive["attributes"], vertices, worlds, own)
         indices = np.arange(len(vertices))
         if primitive.get("indices") is not None:
             indices = read_accessor(file, primitive["indices"])[:, 0]

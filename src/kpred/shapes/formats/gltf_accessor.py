@@ -10,7 +10,7 @@ from kpred.errors import MeshError
 from kpred.shapes.formats.gltf_file import GltfFile, whole
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _MAX_COUNT = 1 << 26
 """Elements of an accessor without data of its own, which costs nothing in the file."""
 

@@ -38,6 +38,7 @@ _SUPPORTED = (
     "EXT_mesh_features",
     "EXT_instance_features",
     "CESIUM_primitive_outline",
+    "FB_ngon_encoding",
 )
 """Extensions that are read, or that say nothing about geometry; so do all that begin with one of the next."""
 

@@ -18,8 +18,8 @@ from kpred.shapes.formats.scan_array import array_header
 from kpred.shapes.formats.text_lines import open_lines
 from kpred.shapes.reading import check_file, reading
 
-TEXT_EXTENSIONS = (".txt", ".csv", ".pincam", ".cam", ".info", ".conf", ".ini")
-EXTENSIONS = (*TEXT_EXTENSIONS, ".json", ".yaml", ".yml", ".npy", ".npz")
+TEXT_EXTENSIONS = (".txt", ".csv", ".pincam", ".cam", ".info", ".conf", ".ini", ".log")
+EXTENSIONS = (*TEXT_EXTENSIONS, ".xml", ".json", ".yaml", ".yml", ".npy", ".npz")
 
 _MAX_BYTES = {".yaml": 1 << 18, ".yml": 1 << 18}
 _MAX_OTHER = 1 << 26
@@ -29,6 +29,16 @@ _MAX_DEPTH = 12
 _MAX_ARRAYS = 64
 _MAX_BRACKETS = 64
 _KEYED = re.compile(r"\s*([A-Za-z_][\w. \-/]*?)\s*[=:]\s*(.+?)\s*$")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_LISTED = re.compile(rf"([A-Za-z_]\w*)((?:\s+{_NUMBER})+)$")
+"""A name and its numbers: `intrinsics_matrix 1076 0 629 ...` (Matterport)."""
+
+_PAIR = re.compile(rf"([A-Za-z_]\w*)\s*[=:]\s*({_NUMBER})(?![\w.])")
+_REALSENSE = re.compile(rf"(\d+)x(\d+)\s+p\[({_NUMBER}) ({_NUMBER})\]\s+f\[({_NUMBER}) ({_NUMBER})\]")
+"""Intrinsics as librealsense prints them."""
+
+_XML = re.compile(r"<([A-Za-z_]\w{0,63})(?:\s[^<>]*)?>([^<>]{0,4096})</\1>")
+_XML_DATA = re.compile(r"<([A-Za-z_]\w{0,63})\s[^<>]*opencv-matrix[^<>]*>((?:(?!</\1>).){0,8192})</\1>", re.DOTALL)
 
 
 def read_keyed(file: Path, kind: str) -> Any:
@@ -58,6 +68,8 @@ def read_keyed(file: Path, kind: str) -> Any:
             return json.loads(text)
         if extension in (".yaml", ".yml"):
             return _yaml(text)
+        if extension == ".xml":
+            return _xml(text)
         return _text(text)
 
 
@@ -128,17 +140,60 @@ def _yaml(text: str) -> Any:
     return found[0] if len(found) == 1 else found
 
 
+def _xml(text: str) -> dict[str, Any]:
+    """Read the matrices and numbers that OpenCV writes as XML, without an XML parser and its entities."""
+    matrices = {match[1]: dict(_XML.findall(match[2])) for match in _XML_DATA.finditer(text)}
+    plain = {key: _value(value.strip()) for key, value in _XML.findall(_XML_DATA.sub("", text))}
+    return plain | {key: _value(held.get("data", "")) for key, held in matrices.items()}
+
+
 def _text(text: str) -> Any:
     lines = [line.partition("#")[0].strip() for line in text.splitlines()]
     lines = [line for line in lines if line]
-    matches = [_KEYED.match(line) for line in lines]
-    keyed = {match.group(1): _value(match.group(2)) for match in matches if match is not None}
+    if any(re.fullmatch(r"\[[A-Za-z][\w .-]*\]", line) for line in lines):
+        return _sections(lines)
+    printed = _REALSENSE.search(text)
+    if printed is not None:
+        return dict(zip(("width", "height", "ppx", "ppy", "fx", "fy"), map(float, printed.groups()), strict=True))
+    pairs = _PAIR.findall(lines[0]) if len(lines) == 1 else []
+    if len(pairs) >= 4:
+        return {key: float(value) for key, value in pairs}
+    keyed = _keys(lines)
     if keyed and 2 * len(keyed) >= len(lines):
         return keyed
     # Brackets and the word `array` are what NumPy prints.
     rows = [re.sub(r"[,;\[\]()]|\barray\b", " ", line).split() for line in lines]
     rows = [row for row in rows if row]
     return rows[0] if len(rows) == 1 else rows
+
+
+def _keys(lines: list[str]) -> dict[str, Any]:
+    matches = [_KEYED.match(line) or _LISTED.match(line) for line in lines]
+    return {match[1]: _value(match[2]) for match in matches if match is not None}
+
+
+def _sections(lines: list[str]) -> dict[str, Any]:
+    """Read the sections of an INI file: lines of keys and values, or names with the lines of their values below."""
+    found: dict[str, dict[str, Any]] = {}
+    section: dict[str, Any] = found.setdefault("", {})
+    rows: list[float] = []
+    for line in lines:
+        if line.startswith("[") and line.endswith("]"):
+            section = found.setdefault(line[1:-1], {})
+        elif _KEYED.match(line) or _LISTED.match(line):
+            section |= _keys([line])
+        elif re.match(r"[A-Za-z]", line):
+            rows = section.setdefault(line.replace(" ", "_"), [])
+        elif isinstance(value := _value(line), list | float):
+            rows += value if isinstance(value, list) else [value]
+    sections = {
+        name: {key: value[0] if isinstance(value, list) and len(value) == 1 else value for key, value in keys.items()}
+        for name, keys in found.items()
+        if keys
+    }
+    keys = [key for one in sections.values() for key in one]
+    # Of one camera alone, its size and its matrix may stand in different sections.
+    return sections if len(set(keys)) < len(keys) else {k: v for one in sections.values() for k, v in one.items()}
 
 
 def _value(text: str) -> Any:

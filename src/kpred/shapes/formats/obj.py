@@ -41,16 +41,16 @@ def read_obj(path: Path) -> Geometry:
     with open_lines(path) as stream:
         try:
             for number, line in _logical_lines(stream):  # noqa: B007 (the message below names it)
-                if line.startswith(b"v "):
+                if line.startswith((b"v ", b"V ")):
                     x, y, z = line.split(None, 4)[1:4]
                     coordinates.extend((number_of(x), number_of(y), number_of(z)))
-                elif line.startswith((b"f ", b"fo ")):
+                elif line.startswith((b"f ", b"fo ", b"F ")):
                     words = line.split()[1:]
                     if len(words) < 3:
                         continue
                     count = len(coordinates) // 3
                     for word in words:
-                        index = int(word.split(b"/", 1)[0])
+                        index = _index(word.split(b"/", 1)[0])
                         if index == 0 or index < -count or index > _MAX_INDEX:
                             raise ValueError("no such vertex")
                         index = index - 1 if index > 0 else count + index
@@ -86,6 +86,17 @@ def obj_lines(vertices: np.ndarray, faces: np.ndarray, parts: np.ndarray | None,
         yield header
         for a, b, c in (rows + 1).tolist():
             yield f"f {a} {b} {c}\n"
+
+
+def _index(word: bytes) -> int:
+    """Parse the number of a vertex, which some programs write as 7.0."""
+    try:
+        return int(word)
+    except ValueError:
+        number = float(word)
+        if not number.is_integer():
+            raise
+        return int(number)
 
 
 def _logical_lines(stream: Iterable[bytes]) -> Iterator[tuple[int, bytes]]:

@@ -13,7 +13,19 @@ from kpred.errors import ScanError
 from kpred.shapes.formats.ply_header import PlyElement, PlyHeader, PlyProperty
 from kpred.shapes.formats.records import parse_numbers
 
-_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
+_CODES = {
+    "i1": "b",
+    "u1": "B",
+    "i2": "h",
+    "u2": "H",
+    "i4": "i",
+    "u4": "I",
+    "i8": "q",
+    "u8": "Q",
+    "f2": "e",
+    "f4": "f",
+    "f8": "d",
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,12 @@ _TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2"},
     **{"int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8", "long": "i4"},
+    **{"half": "f2", "float16": "f2", "f16": "f2", "f32": "f4", "f64": "f8", "bool": "u1"},
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_ALIASES = {"vertices": "vertex", "point": "vertex", "points": "vertex", "faces": "face"}
+"""Names that some programs give to elements."""
+
 _MAX_HEADER = 1 << 20
 _END = re.compile(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r|$)")
 
@@ -97,6 +101,8 @@ def read_ply_header(path: Path) -> PlyHeader:
             raise ValueError("no end_header")
         text = data[mark : end.start()].decode("latin-1")
         order, elements = _parsed(text.splitlines())
+    except _UnknownTypeError as error:
+        raise ScanError(f"{path}: its PLY header names the unknown type {error}; export it with floats.") from None
     except (IndexError, KeyError, ValueError):
         raise ScanError(f"{path}: its PLY header is damaged or cut short; export the scan again.") from None
     lone = end.group(1) == b"\r"
@@ -105,23 +111,35 @@ def read_ply_header(path: Path) -> PlyHeader:
     return PlyHeader(order, elements, after, len(text.splitlines()) + 1, lone or (order == "" and "\n" not in text))
 
 
+class _UnknownTypeError(Exception):
+    """A property is of a type that PLY does not have."""
+
+
+def _type(word: str) -> str:
+    found = _TYPES.get(word.lower())
+    if found is None:
+        raise _UnknownTypeError(repr(word[:20]))
+    return found
+
+
 def _parsed(lines: list[str]) -> tuple[str, tuple[PlyElement, ...]]:
     order = ""
     known = False
     found: list[tuple[str, int, list[PlyProperty]]] = []
     for line in lines:
         words = line.split()
-        if words[:1] == ["format"]:
+        keyword = words[0].lower() if words else ""
+        if keyword == "format":
             order, known = _ORDERS[words[1].lower()], True
-        elif words[:1] == ["element"]:
+        elif keyword == "element":
             count = int(words[2])
             if count < 0:
                 raise ValueError("a negative count")
-            found.append((words[1].lower(), count, []))
-        elif words[:2] == ["property", "list"]:
-            found[-1][2].append(PlyProperty(words[4].lower(), _TYPES[words[3].lower()], _TYPES[words[2].lower()]))
-        elif words[:1] == ["property"]:
-            found[-1][2].append(PlyProperty(words[2].lower(), _TYPES[words[1].lower()]))
+            found.append((_ALIASES.get(words[1].lower(), words[1].lower()), count, []))
+        elif keyword == "property" and words[1].lower() == "list":
+            found[-1][2].append(PlyProperty(words[4].lower(), _type(words[3]), _type(words[2])))
+        elif keyword == "property":
+            found[-1][2].append(PlyProperty(words[2].lower(), _type(words[1])))
     if not known:
         raise ValueError("no format")
     return order, tuple(PlyElement(name, count, _unique(items)) for name, count, items in found)

@@ -22,6 +22,10 @@ _MAX_LINE = 1 << 20
 _BLANK = b" \t\r\n\x00\x1a"
 _COMMENTS = (b"#", b"//", b"%")
 _FORTRAN = re.compile(rb"([+-]?\d*\.?\d*)[dD]([+-]?\d+)")
+_THOUSANDS = re.compile(rb"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,}|(?:,\d{3})+\.\d+|(?:,\d{3}){2,})")
+_MISSING = (b"", b"-", b"--", b"na", b"n/a", b"#n/a", b"null", b"none")
+"""What programs write in lower or upper case where there is no number."""
+
 _DECIMAL_COMMA = re.compile(rb"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
@@ -116,12 +120,22 @@ def _ragged_rows(
         if counted and len(values) == 1 and values[0].isdigit():
             continue
         try:
-            rows.append([number_of(values[column]) for column in columns])
+            rows.append([_coordinate(values[column]) for column in columns])
         except (IndexError, ValueError):
             raise ScanError(
                 f"{name}: line {number} does not hold x, y and z as numbers; mend or remove that line."
             ) from None
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _coordinate(token: bytes) -> float:
+    """Parse a number, or NaN where there is none."""
+    try:
+        return number_of(token)
+    except ValueError:
+        if token.strip().strip(b"\"'").lower() in _MISSING:
+            return float("nan")
+        raise
 
 
 def number_of(token: bytes) -> float:
@@ -141,6 +155,9 @@ def number_of(token: bytes) -> float:
         fortran = _FORTRAN.fullmatch(token)
         if fortran is not None:
             return float(fortran[1] + b"e" + fortran[2])
+        if _THOUSANDS.fullmatch(token) is not None:
+            mark = b"." if b"." in token and token.rfind(b".") < token.rfind(b",") or b"," not in token else b","
+            return float(token.replace(mark, b"").replace(b",", b"."))
         return float(token.strip().strip(b"\"'").strip().replace(b",", b"."))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import lzma
 import math
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -17,8 +18,14 @@ from kpred.shapes.formats.records import BLOCK_ROWS, truncated
 
 _KEYS = (
     *("points", "xyz", "vertices", "coords", "positions", "point_cloud", "pointcloud", "pc", "pos", "arr_0"),
-    *("pcd", "cloud", "pts", "point", "verts", "v", "scan", "data"),
+    *("pcd", "cloud", "pts", "point", "verts", "v", "scan", "data", "coord", "position", "locations", "location"),
+    *("locs", "loc", "pts3d", "points3d", "xyzrgb", "pcl", "p"),
 )
+_NO_POSITIONS = re.compile(
+    r"(?<![a-z])(?:norm|col|rgb|label|inst|feat|intens|flow|track|uv|face|tri|idx|index|mask|sem)"
+)
+"""In the names of arrays that may be as large as those of positions."""
+
 _MIN_POINTS = 64
 """Fewer are no scan, so that an array of fewer rows than this and at least as many columns has points as columns."""
 
@@ -28,7 +35,11 @@ _MAX_BYTES = 1 << 32
 _LARGE, _MAX_EXPANSION = 1 << 26, 100
 """Bytes of an array below which it may be all zeros; times that a larger one may grow when it is decompressed."""
 
-_MAX_WIDTH = 4096
+_MAX_ARRAYS = 64
+_MAX_WIDTH = 160
+"""Values of a point, coordinates, colours and features; a wider table is a picture of depths."""
+
+_MAX_PICTURE = 8192
 _MAX_CHANNELS = 16
 """Values a point of an organised cloud: coordinates, normal, colour and the like."""
 
@@ -64,12 +75,28 @@ def npz_points(path: Path) -> Iterator[np.ndarray]:
                 yield from _three_arrays(archive, [known[axis] for axis in "xyz"], path)
                 return
             if key is None:
-                raise ScanError(f"{path}: none of its arrays is named points, xyz or vertices; name one so.")
+                key = _only_points(archive, names, path)
             check_expansion(archive.getinfo(f"{key}.npy"), str(path))
             with archive.open(f"{key}.npy") as stream:
                 yield from _array_points(stream, f"{path} ({key})", archive.getinfo(f"{key}.npy").file_size)
     except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, LookupError, EOFError, RuntimeError, ValueError) as error:
         raise ScanError(f"{path}: it is not a readable .npz file (damaged or cut short); copy it again.") from error
+
+
+def _only_points(archive: zipfile.ZipFile, names: list[str], path: Path) -> str:
+    """Return the name of the only array that can hold points."""
+    found = []
+    for name in names[:_MAX_ARRAYS]:
+        with archive.open(f"{name}.npy") as stream:
+            shape, _, dtype = array_header(stream, f"{path} ({name})")
+        sides = [side for side in shape if side > 1]
+        is_table = len(sides) in (2, 3) and 3 in (sides[-1], sides[0]) and math.prod(sides) >= 3 * _MIN_POINTS
+        if is_table and dtype.kind in "fiu" and dtype.itemsize > 1 and not _NO_POSITIONS.search(name.lower()):
+            found.append(name)
+    if len(found) != 1:
+        held = ", ".join(name[:24] for name in names[:8])
+        raise ScanError(f"{path}: none of its arrays is named points, xyz or vertices (it holds {held}); name one so.")
+    return found[0]
 
 
 def _three_arrays(archive: zipfile.ZipFile, names: list[str], path: Path) -> Iterator[np.ndarray]:
@@ -103,21 +130,27 @@ def _array_points(stream: IO[bytes] | zipfile.ZipExtFile, name: str, size: int) 
     wrong = ScanError(f"{name}: its shape is {shape}; save the points as an array of shape (N, 3).")
     if len(shape) == 3 and dtype.itemsize == 1:
         raise ScanError(f"{name}: it is a picture of shape {shape}, not points; save the points as (N, 3) floats.")
-    if len(shape) not in (2, 3) or 0 in shape:
+    plain = _without_ones(shape)
+    if len(plain) not in (2, 3) or 0 in shape:
         raise wrong
-    if len(shape) == 2 and shape[1] >= 3 and shape[0] >= _MIN_POINTS and not by_column and shape[1] <= _MAX_WIDTH:
-        yield from _rows(stream, name, shape[0], shape[1], dtype)
+    if len(plain) == 2 and min(plain) >= _MIN_POINTS and max(plain) <= _MAX_PICTURE and plain[1] > _MAX_WIDTH:
+        raise ScanError(f"{name}: its shape {shape} is that of a depth picture; give it to kpred fit-depth.")
+    if len(plain) == 2 and plain[1] >= 3 and plain[0] >= _MIN_POINTS and not by_column and plain[1] <= _MAX_WIDTH:
+        yield from _rows(stream, name, plain[0], plain[1], dtype)
         return
     data = _whole(stream, name, count, dtype)
-    array = np.reshape(data, shape, order="F" if by_column else "C")
+    array = np.reshape(data, plain, order="F" if by_column else "C")
     yield from _blocks(_table(array, wrong))
+
+
+def _without_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Drop sides of one, such as those of a batch, from a shape of three sides or more."""
+    return tuple(side for side in shape if side != 1) if len(shape) > 2 else shape
 
 
 def _table(array: np.ndarray, wrong: ScanError) -> np.ndarray:
     """Return the points (N, 3 or more) of a two-dimensional array, or of an organised cloud."""
     shape = array.shape
-    if len(shape) == 3 and shape[0] == 1 and shape[1] < _MIN_POINTS <= shape[2]:
-        return _table(array[0], wrong)
     if len(shape) == 3:
         if 3 <= shape[2] <= _MAX_CHANNELS and (shape[0] != 3 or shape[2] == 3):
             return array.reshape(-1, shape[2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import chain, islice
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kpred.errors import ScanError
-from kpred.shapes.formats.column_names import name_columns
+from kpred.shapes.formats.column_names import are_numbers_of_columns, name_columns
 from kpred.shapes.formats.records import number_of, split_line, text_records, truncated
 from kpred.shapes.formats.text_lines import open_lines
 
@@ -19,7 +20,10 @@ _SAMPLE_LINES = 64
 
 
 _MIN_ROWS = 16
-_BLANKS = bytes.maketrans(b"()[]", b"    ")
+_BLANKS = bytes.maketrans(b"()[]{}", b"      ")
+_BRACKETS = (b"(", b"[", b"{", b")", b"]", b"}")
+_VECTOR = re.compile(rb"\s*<?\s*[A-Za-z_][\w.]*\s*\(([^()]*)\)\s*>?\s*[,;]?\s*")
+"""A point as programs print it: `Vector3(0.1, 0.2, 0.3)`, `<Vector (0.1, 0.2, 0.3)>`."""
 
 
 def text_points(path: Path) -> Iterator[np.ndarray]:
@@ -34,8 +38,9 @@ def text_points(path: Path) -> Iterator[np.ndarray]:
             the file's own count.
     """
     with open_lines(path) as stream:
-        lines = map(_without_brackets, stream)
-        columns, wanted, titles = None, None, []
+        lines = map(_plain_line, stream)
+        names: tuple[list[bytes], bool] | None = None
+        is_indexed, wanted, titles = False, None, []
         for number, line in enumerate(lines, start=1):  # noqa: B007 (the number is used below)
             content = line.removeprefix(b"\xef\xbb\xbf").strip()
             if b"\x00" in content or number > _HEADER_LINES or len(content) > 65536:
@@ -47,24 +52,27 @@ def text_points(path: Path) -> Iterator[np.ndarray]:
             bare = content.lstrip(b"#/% ")
             values = split_line(bare)
             # Names may hold blanks where tabs separate them.
-            named = name_columns(bare.split(b"\t") if b"\t" in bare else values)
-            if named is not None:
-                columns = named
+            words = bare.split(b"\t") if b"\t" in bare else values
+            columns = name_columns(words)
+            if columns is not None:
+                names = words, is_comment
             elif not content or is_comment:
                 continue
             elif len(values) == 1 and values[0].isdigit() and wanted is None:
                 wanted = min(int(values[0][:18]), 10**15)
-            elif wanted is None and _numbers_columns(values):
-                columns = (1, 2, 3) if values[0] == b"" else None
-            elif _is_row(values):
+            elif wanted is None and are_numbers_of_columns(values[1:] if values[0] == b"" else values):
+                is_indexed, names = values[0] == b"", None
+            elif _is_row(values, None if names is None else name_columns(names[0])):
                 break
             else:
                 titles.append(values)
         else:
             raise ScanError(f"{path}: it holds no points; give a scan with at least 64 points.")
         sample = [content + b"\n", *islice(lines, _SAMPLE_LINES - 1)]
+        columns = (1, 2, 3) if is_indexed else None if names is None else _named_columns(*names, sample)
         if columns is None:
-            _check_titles(titles, len(values), path)
+            # A title may follow the count of points (XMol).
+            _check_titles(titles if wanted is None else [], len(values), path)
             columns = _unnamed_columns(sample)
         found = 0
         for rows in text_records(chain(sample, lines), columns, str(path), number, wanted is not None):
@@ -74,18 +82,50 @@ def text_points(path: Path) -> Iterator[np.ndarray]:
             raise truncated(str(path), found, wanted)
 
 
-def _without_brackets(line: bytes) -> bytes:
-    return line.translate(_BLANKS) if line.lstrip()[:1] in (b"(", b"[") else line
+def _plain_line(line: bytes) -> bytes:
+    """Write a line with blanks and minus signs of ASCII, and without the brackets around a point."""
+    if not line.isascii():
+        line = line.replace(b"\xc2\xa0", b" ").replace(b"\xe2\x88\x92", b"-")
+    first = line.lstrip()[:1]
+    if first in _BRACKETS:
+        return line.translate(_BLANKS)
+    vector = _VECTOR.fullmatch(line) if first == b"<" or first.isalpha() else None
+    return line if vector is None else vector[1] + b"\n"
 
 
-def _numbers_columns(values: list[bytes]) -> bool:
-    """Test whether this line numbers columns from 0, after an empty name or not, as pandas does for arrays."""
-    named = values[1:] if values[:1] == [b""] else values
-    return len(named) >= 3 and named == [str(number).encode() for number in range(len(named))]
+def _named_columns(names: list[bytes], is_comment: bool, sample: list[bytes]) -> tuple[int, int, int] | None:
+    """Find the columns of named coordinates in the rows that follow; None where the names cannot be theirs."""
+    rows = _split_rows(sample)
+    width = len(rows[0])
+    # Names may end a sentence: "# columns: x y z intensity".
+    ending = name_columns(names[-width:]) if is_comment and len(names) > width else None
+    columns = ending or name_columns(names)
+    if columns is None or (is_comment and max(columns) >= width):
+        return None
+    x, y, z = columns
+    # R and pandas write no name above the labels of rows.
+    return (x + 1, y + 1, z + 1) if not is_comment and width == len(names) + 1 and _has_labels(rows) else columns
 
 
-def _is_row(values: list[bytes]) -> bool:
-    """Test whether the first three columns are numbers, or the next three after one word."""
+def _has_labels(rows: list[list[bytes]]) -> bool:
+    """Test whether the first column labels rows: words, or whole numbers that grow."""
+    labels = [row[0].strip(b"\"'") for row in rows]
+    if not any(map(_is_number, labels)):
+        return True
+    if not all(label.isdigit() and len(label) < 12 for label in labels):
+        return False
+    numbers = [int(label) for label in labels]
+    return all(a < b for a, b in zip(numbers, numbers[1:], strict=False))
+
+
+def _split_rows(sample: list[bytes]) -> list[list[bytes]]:
+    return [split_line(line.split(b"#", 1)[0]) for line in sample if line.strip()]
+
+
+def _is_row(values: list[bytes], columns: tuple[int, int, int] | None) -> bool:
+    """Test whether the named columns are numbers, or the first three, or the next three after one word."""
+    if columns is not None and len(values) > max(columns) and all(_is_number(values[column]) for column in columns):
+        return True
     return all(map(_is_number, values[:3])) and bool(values) or (len(values) >= 4 and all(map(_is_number, values[1:4])))
 
 
@@ -108,8 +148,7 @@ def _check_titles(titles: list[list[bytes]], width: int, path: Path) -> None:
 
 def _unnamed_columns(sample: list[bytes]) -> tuple[int, int, int]:
     """Return the first three columns, or those behind names, running numbers, or rows and columns of a scanner."""
-    rows = [split_line(line.split(b"#", 1)[0]) for line in sample if line.strip()]
-    rows = [row for row in rows if len(row) >= 4]
+    rows = [row for row in _split_rows(sample) if len(row) >= 4]
     if len(rows) < 2 or len(rows) < len(sample) // 2:
         return 0, 1, 2
     if not any(_is_number(row[0]) for row in rows):
