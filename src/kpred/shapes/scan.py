@@ -76,8 +76,8 @@ def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int
     Points come from .ply, .pcd, .xyz, .txt, .csv (and other text), .pts, .ptx, .las, .laz, .e57, .npy and .npz;
     columns other than x, y, z are ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices
     when it is a dense scan mesh, as scanners and depth fusion make them; when it has large faces, as CAD models and
-    decimated scans do, points are drawn evenly from its surface by ``seed``. Memory is bounded by ``max_points`` for files of points other
-    than ``binary_compressed`` PCD, however many the file holds.
+    decimated scans do, points are drawn evenly from its surface by ``seed``. Memory is bounded by
+    ``max_points`` for files of points other than ``binary_compressed`` PCD, however many the file holds.
 
     Raises:
         ScanError: missing, unreadable, cut short, unknown extension, or points that ``check_points`` refuses.
