@@ -44,12 +44,17 @@ class Arrangement:
         """Draw a shape for a role of `ROLES`."""
         return self.catalogue.draw(role, self.rng)
 
-    def put(self, role: str, mesh: Mesh, pose: np.ndarray) -> RoomObject | None:
-        """Add furniture of a role if it meets nothing; None if it does not fit."""
+    def put(self, role: str, mesh: Mesh, pose: np.ndarray, close: float = 0.0, lift: float = 0.02) -> RoomObject | None:
+        """Add furniture of a role if it meets nothing; None if it does not fit.
+
+        Args:
+            close: metres by which the shape is narrowed in plan for the test, for what is known to stand clear.
+            lift: metres above its lowest point below which it may touch what it stands on.
+        """
         # Some surfaces are black or glossy: little of them comes back.
         loss = float(self.rng.uniform(0.2, 0.7)) if self.rng.random() < 0.12 else 0.0
         item = RoomObject(mesh.name or role, ROLES[role].category, mesh, pose, loss)
-        if not self.solids.fits(self._points(item)):
+        if not self.solids.fits(self._points(item, close), lift):
             return None
         self.objects.append(item)
         self._occupy(item)
@@ -67,7 +72,14 @@ class Arrangement:
         return item
 
     def against_wall(
-        self, role: str, mesh: Mesh, wall: Wall, middle: float, height: float = 0.0, gap: float = 0.02
+        self,
+        role: str,
+        mesh: Mesh,
+        wall: Wall,
+        middle: float,
+        height: float = 0.0,
+        gap: float = 0.02,
+        close: float = 0.0,
     ) -> RoomObject | None:
         """Put furniture with its back to a wall, its middle at `middle` along it; openings are kept free."""
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -79,7 +91,7 @@ class Arrangement:
         turn = float(self.rng.normal(0.0, 0.012))
         # A thing that is turned needs room behind.
         back += abs(np.sin(turn)) * half
-        return self.put(role, mesh, wall.pose @ pose_of(middle, height, back, turn))
+        return self.put(role, mesh, wall.pose @ pose_of(middle, height, back, 0.0 if close else turn), close)
 
     def anywhere(self, role: str, mesh: Mesh, tries: int = 12) -> RoomObject | None:
         """Put furniture somewhere on the floor, turned at random."""
@@ -91,11 +103,15 @@ class Arrangement:
                 return item
         return None
 
-    def _points(self, item: RoomObject) -> np.ndarray:
+    def _points(self, item: RoomObject, close: float = 0.0) -> np.ndarray:
         key = id(item.mesh)
         if key not in self._spread:
             self._spread[key] = (item.mesh, surface_points(item.mesh))
-        return np.asarray(self._spread[key][1] @ item.pose[:3, :3].T + item.pose[:3, 3])
+        points = self._spread[key][1]
+        if close > 0:
+            half = np.maximum(np.ptp(item.box, axis=0) / 2, 1e-6) * [1.0, np.inf, 1.0]
+            points = points * np.maximum(1.0 - close / half, 0.0)
+        return np.asarray(points @ item.pose[:3, :3].T + item.pose[:3, 3])
 
     def _occupy(self, item: RoomObject) -> None:
         points = self._points(item)

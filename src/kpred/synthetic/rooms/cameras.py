@@ -40,7 +40,9 @@ def path_poses(room: Room, free: np.ndarray, frames: int, rng: np.random.Generat
     turns = rng.uniform(1.2, 3.0) * rng.choice([-1.0, 1.0])
     time = np.linspace(0.0, 1.0, frames)
     yaw = rng.uniform(0, 2 * np.pi) + 2 * np.pi * turns * time + _wave(time, 0.5, rng)
-    pitch = np.radians(rng.uniform(-40.0, -14.0)) + _wave(time, 0.22, rng) + _wave(time, 0.1, rng)
+    # Some look at what stands on the floor alone, some up the walls too.
+    swing = rng.uniform(0.1, 0.6)
+    pitch = np.radians(rng.uniform(-36.0, 2.0)) + _wave(time, swing, rng) + _wave(time, 0.1, rng)
     height = rng.uniform(1.25, 1.7) + _wave(time, 0.12, rng)
     roll = _wave(time, 0.06, rng)
     eyes = np.column_stack([place[:, 0], height, place[:, 1]])

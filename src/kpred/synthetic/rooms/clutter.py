@@ -14,7 +14,7 @@ LEVEL = 0.97
 MIN_AREA = 0.015
 """Smallest such face, square metres."""
 
-FULL, FULL_THINGS = 0.3, 60
+FULL, FULL_THINGS = 0.4, 60
 """Fraction of the cabinets that are as full as they get, and how many things are tried there."""
 
 GLOSSY = ("monitor", "screen", "laptop")
@@ -35,7 +35,7 @@ def clutter_objects(room: Arrangement, density: float) -> None:
         else:
             most = int(rng.poisson(density * 5.0 * area))
         supports = level_faces(item)
-        most = min(most, 14)
+        most = min(most, 24)
         if item.category == "cabinet" and rng.random() < FULL:
             most = FULL_THINGS
         for _ in range(most if len(supports) else 0):

@@ -13,7 +13,7 @@ from kpred.synthetic.rooms.clutter import clutter_floor, clutter_objects
 from kpred.synthetic.rooms.fixtures import hang_fixtures
 from kpred.synthetic.rooms.groups import bed_group, desk_at_wall, island, lounge, row, table_group, width_of
 from kpred.synthetic.rooms.interior_walls import interior_walls
-from kpred.synthetic.rooms.long_desks import long_desk, waiting_seats
+from kpred.synthetic.rooms.close_furniture import built_in, long_desk, waiting_seats
 from kpred.synthetic.rooms.room import Room
 from kpred.synthetic.rooms.shell import Wall, build_shell
 
@@ -27,19 +27,20 @@ def furnish_room(seed: int, index: int, catalogue: Catalogue) -> Room:
     size = np.array([between(rng, 2.6, 6.5), between(rng, 2.4, 3.1), between(rng, 2.6, 6.5)])
     shell, walls = build_shell(size, rng)
     for wall in walls:
-        shell += hang_fixtures(wall, rng)
+        shell += [] if wall.is_open else hang_fixtures(wall, rng)
     shell += interior_walls(size, rng)
     room = Arrangement(size, walls, shell, catalogue, rng)
     RECIPES[name][0](room)
-    for _ in range(2):
-        if _furniture(room) < between(rng, 0.15, 0.5) * size[0] * size[2]:
-            RECIPES[pick(rng, [name, "office", "living", "meeting"])][0](room)
+    full = between(rng, 0.3, 1.1) * size[0] * size[2]
+    for _ in range(6):
+        if _furniture(room) < full:
+            RECIPES[pick(rng, [name, name, "office", "living", "meeting", "store"])][0](room)
     for _ in range(whole(rng, 0, 3)):
         role = pick(rng, ["floor thing", "plant", "lamp", "wall thing", "vessel"])
         room.anywhere(role, room.draw(role))
-    crowded = 2.0 * between(rng, 0.0, 1.0) ** 1.3
+    crowded = 3.0 * between(rng, 0.0, 1.0) ** 1.3
     clutter_objects(room, crowded)
-    clutter_floor(room, int(rng.poisson(4.0 * crowded)))
+    clutter_floor(room, int(rng.poisson(5.0 * crowded)))
     return Room(size, room.objects)
 
 
@@ -54,7 +55,7 @@ def _walls(room: Arrangement) -> list[Wall]:
 
 def _spots(wall: Wall, step: float) -> np.ndarray:
     count = max(1, int(wall.length / step))
-    return np.asarray((np.arange(count) + 0.5) / count * wall.length - wall.length / 2)
+    return np.asarray((np.arange(count) + 0.5 - count / 2) * step)
 
 
 def office(room: Arrangement) -> None:
@@ -64,13 +65,16 @@ def office(room: Arrangement) -> None:
     if min(room.size[[0, 2]]) > 4.0 and happens(rng, 0.35):
         island(room, whole(rng, 1, 3))
     for wall in walls[: whole(rng, 1, 3)]:
-        for middle in _spots(wall, width_of(desk) + 0.15):
-            if happens(rng, 0.65):
+        joined = happens(rng, 0.5)
+        for middle in _spots(wall, width_of(desk) + (0.01 if joined else 0.15)):
+            if happens(rng, 0.9 if joined else 0.65):
                 desk_at_wall(room, wall, desk, chair, float(middle))
-            if happens(rng, 0.3):
+            if not joined and happens(rng, 0.3):
                 desk, chair = room.draw("desk"), room.draw("office chair")
     for wall in walls:
         row(room, pick(rng, ["tall cabinet", "low cabinet"]), wall, whole(rng, 0, 4))
+    if happens(rng, 0.2):
+        built_in(room, walls[-1])
     for wall in walls[: whole(rng, 0, 2)]:
         row(room, "wall cabinet", wall, whole(rng, 1, 4), height=between(rng, 1.15, 1.5))
     for _ in range(whole(rng, 0, 2)):
@@ -112,6 +116,8 @@ def bedroom(room: Arrangement) -> None:
     bed_group(room, walls[0])
     if happens(rng, 0.3):
         bed_group(room, walls[0])
+    if happens(rng, 0.3):
+        built_in(room, walls[1])
     row(room, "tall cabinet", walls[1], whole(rng, 1, 3))
     row(room, "low cabinet", walls[2], whole(rng, 0, 2))
     if happens(rng, 0.7):
@@ -139,6 +145,8 @@ def store(room: Arrangement) -> None:
     """Furnish shelves and cabinets along all walls, a table, stray chairs, many boxes."""
     rng = room.rng
     for wall in _walls(room)[: whole(rng, 2, 4)]:
+        if happens(rng, 0.3):
+            built_in(room, wall)
         row(room, "tall cabinet", wall, whole(rng, 2, 6))
     if happens(rng, 0.6):
         table_group(room, pick(rng, ["desk", "dining table", "bar table"]), "office chair", 2)

@@ -13,6 +13,9 @@ from kpred.synthetic.rooms.shell import Wall
 SEAT_WIDTH = 0.62
 """Length of a table's side that a chair takes, metres."""
 
+CLOSE = 0.045
+"""Metres by which boxes that stand side by side are narrowed where it is tested whether they fit: more than a voxel."""
+
 
 def width_of(mesh: Mesh) -> float:
     """Measure the width (x) of a shape, metres."""
@@ -28,18 +31,18 @@ def row(room: Arrangement, role: str, wall: Wall, count: int, height: float = 0.
     """Stand up to `count` pieces side by side against a wall, mostly all of one shape."""
     rng = room.rng
     same = room.draw(role) if happens(rng, 0.65) else None
-    gap = pick(rng, [0.0, 0.005, 0.02, 0.1])
+    gap = pick(rng, [0.0, 0.0, 0.005, 0.02, 0.1])
     along = between(rng, -0.5, -0.15) * wall.length + 0.05
     back = between(rng, 0.0, 0.06)
     found: list[RoomObject] = []
     mesh = room.draw(role) if same is None else same
     while len(found) < count and along + width_of(mesh) < wall.length / 2:
-        item = room.against_wall(role, mesh, wall, along + width_of(mesh) / 2, height, back)
+        item = room.against_wall(role, mesh, wall, along + width_of(mesh) / 2, height, back, CLOSE)
         if item is None:
             along += 0.12
             continue
         found.append(item)
-        along += width_of(mesh) + max(gap, 0.005)
+        along += width_of(mesh) + max(gap, 0.008)
         mesh = room.draw(role) if same is None else same
     return found
 
@@ -77,7 +80,7 @@ def pushed_in(
         first += between(rng, 0.1, 0.6)
     # The chair's front, +z, looks at the table.
     facing = np.arctan2(-outward[0], -outward[1]) + turn
-    for step in np.arange(0.0, 0.6, 0.05):
+    for step in np.arange(0.0, 0.6, 0.03):
         x, z = place + outward * (first + step)
         item = room.put(role, chair, table.pose @ pose_of(float(x), 0.0, float(z), float(facing)))
         if item is not None:
@@ -123,9 +126,29 @@ def table_group(room: Arrangement, table_role: str, chair_role: str, most: int) 
     return []
 
 
+def shelf_on(room: Arrangement, desk: RoomObject) -> list[RoomObject]:
+    """Stand a shelf on the back of a desk, of its width or less; none where the desk has one of its own."""
+    rng = room.rng
+    wide, tall, deep = np.ptp(desk.box, axis=0)
+    if not 0.6 < tall < 0.9:
+        return []
+    mesh = room.draw("wall cabinet")
+    own = np.ptp(mesh.vertices, axis=0)
+    size = np.array(
+        [wide * pick(rng, [1.0, 1.0, 0.6]), between(rng, 0.4, 1.3), min(between(rng, 0.22, 0.45), 0.6 * deep)]
+    )
+    shaped = Mesh((mesh.vertices * (size / own)).astype(np.float32), mesh.faces, mesh.name)
+    aside = between(rng, -1.0, 1.0) * (wide - size[0]) / 2
+    back = float(desk.box[0, 2]) + size[2] / 2
+    item = room.put("wall cabinet", shaped, desk.pose @ pose_of(aside, tall + 0.006, back), CLOSE, 0.05)
+    return [] if item is None else [item]
+
+
 def desk_at_wall(room: Arrangement, wall: Wall, mesh: Mesh, chair: Mesh, middle: float) -> RoomObject | None:
     """Stand a desk with its back to a wall and a chair before it."""
-    desk = room.against_wall("desk", mesh, wall, middle, gap=between(room.rng, 0.0, 0.06))
+    desk = room.against_wall("desk", mesh, wall, middle, gap=between(room.rng, 0.0, 0.06), close=CLOSE)
+    if desk is not None and happens(room.rng, 0.25):
+        shelf_on(room, desk)
     if desk is not None and happens(room.rng, 0.9):
         front = np.array([room.rng.normal(0.0, 0.1), float(desk.box[1, 2])])
         pushed_in(room, desk, front, np.array([0.0, 1.0]), chair, "office chair")
@@ -140,15 +163,18 @@ def island(room: Arrangement, count: int) -> list[RoomObject]:
     turned = pick(rng, [0.0, 0.5]) * np.pi + rng.normal(0.0, 0.02)
     x, z = (between(rng, -0.2, 0.2) * side for side in room.size[[0, 2]])
     base = pose_of(x, 0.0, z, float(turned))
-    found = []
+    shelved = happens(rng, 0.35)
+    found: list[RoomObject] = []
     for n in range(count):
         for side in (0.0, np.pi):
             along = (n - (count - 1) / 2) * (wide + 0.01)
-            across = (deep / 2 + 0.03) * (1.0 if side == 0.0 else -1.0)
-            desk = room.put("desk", mesh, base @ pose_of(along, 0.0, across, side))
+            across = (deep / 2 + 0.01) * (1.0 if side == 0.0 else -1.0)
+            desk = room.put("desk", mesh, base @ pose_of(along, 0.0, across, side), CLOSE)
             if desk is None:
                 continue
             found.append(desk)
+            if shelved:
+                found += shelf_on(room, desk)
             front = np.array([rng.normal(0.0, 0.1), float(desk.box[1, 2])])
             pushed_in(room, desk, front, np.array([0.0, 1.0]), chair, "office chair")
     return found

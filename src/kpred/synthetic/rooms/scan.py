@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kpred.synthetic.rooms.cameras import drifted, path_poses, single_pose, tripod_poses
 from kpred.synthetic.rooms.fusion import back_project, fused
@@ -19,6 +20,12 @@ SCANNERS = ("mesh", "dense", "view", "lidar")
 CARVED = 0.05
 """Images that see this much farther (metres) than a fused point speak against it."""
 
+
+NEIGHBOURS = 12
+"""Points about a fused point over which its place is blurred."""
+
+BUMPS, BENDS = (0.06, 0.4, 16), (2.0, 8.0, 3)
+"""Shortest and longest wave, metres, and number of waves: of a fused surface's bumps, and of a scan that bends."""
 
 OPEN_VIEW, VIEW_TRIES = 0.5, 12
 """Fraction of a single view's pixels that show something beyond 1.2 m and within range, and how many poses are tried
@@ -90,6 +97,8 @@ class _Setting:
     carving: float = 0.0
     warp: float = 0.0
     rough: float = 0.0
+    bumps: float = 0.0
+    blur: float = 0.0
 
 
 def _setting(scanner: str, rng: np.random.Generator) -> _Setting:
@@ -97,12 +106,14 @@ def _setting(scanner: str, rng: np.random.Generator) -> _Setting:
     if scanner == "mesh":
         sensor = Sensor(far=float(rng.uniform(3.6, 4.5)), noise=float(rng.uniform(0.001, 0.002)))
         cell = float(rng.uniform(0.017, 0.026))
-        warp, rough = float(rng.uniform(0.0, 0.025)), float(rng.uniform(0.001, 0.006))
+        warp, rough = float(rng.uniform(0.0, 0.025)), float(rng.uniform(0.0003, 0.003))
+        bumps, blur = float(rng.uniform(0.001, 0.006)), float(rng.uniform(0.2, 1.0))
         most, carving = int(rng.uniform(35_000, 70_000)), float(rng.uniform(0.25, 0.9))
-        return _Setting(sensor, 160, 120, 144.0, cell, 0.08, 2, most, shift, turn, carving, warp, rough)
+        return _Setting(sensor, 160, 120, 144.0, cell, 0.08, 2, most, shift, turn, carving, warp, rough, bumps, blur)
     if scanner == "dense":
         sensor = Sensor(0.5, 7.0, 0.002, 0.0008, lost_edges=0.5, flying=0.06, grazing=0.1)
-        return _Setting(sensor, 288, 288, 144.0, 0.014, 0.05, 1, 220_000, shift / 2, turn / 2, 0.9, 0.008, 0.002)
+        shape = {"warp": 0.008, "rough": 0.001, "bumps": 0.002, "blur": float(rng.uniform(0.0, 0.5))}
+        return _Setting(sensor, 288, 288, 144.0, 0.014, 0.05, 1, 220_000, shift / 2, turn / 2, 0.9, **shape)
     if scanner == "view":
         sensor = Sensor(far=float(rng.uniform(4.0, 6.0)), flying=0.2, lost_edges=0.45)
         return _Setting(sensor, 320, 240, 288.0, 0.0, 0.0, 1, 70_000, 0.0, 0.0)
@@ -131,14 +142,14 @@ def scan_room(room: Room, scanner: str, rng: np.random.Generator) -> RoomScan:
     if setting.cell > 0:
         points, labels = fused(points, labels, codes, setting.cell, setting.slab, setting.least)
         kept = _kept(points, estimated, np.stack(noisy), setting)
-        points, labels = _uneven(points[kept], setting, rng), labels[kept]
+        points, labels = _uneven(points[kept].astype(np.float64), setting, rng), labels[kept]
     chosen = np.sort(rng.permutation(len(points))[: setting.points])
     far = setting.sensor.far
     views = Views(poses, setting.focal, np.stack(true), setting.sensor.near, far)
     reach = min(far, float(np.linalg.norm(room.size)))
     deviation = 4 * float(setting.sensor.spread(np.array(reach))) + setting.shift + setting.turn * reach
     # A cell averages across an edge of its object.
-    deviation += 2 * setting.cell + setting.slab / 2 + setting.warp + 5 * setting.rough
+    deviation += 6 * setting.cell + setting.slab / 2 + 2 * setting.warp + 5 * setting.rough + 4 * setting.bumps
     return RoomScan(points[chosen], labels[chosen], scanner, views, deviation)
 
 
@@ -168,15 +179,34 @@ def _poses(room: Room, scanner: str, rng: np.random.Generator) -> np.ndarray:
 
 
 def _uneven(points: np.ndarray, setting: _Setting, rng: np.random.Generator) -> np.ndarray:
-    """Disturb fused points (N, 3): off their grid, rough, and slightly bent."""
+    """Disturb fused points (N, 3) as a TSDF's mesh is: off their grid, edges rounded, things that touch joined, bumps."""
+    limit = 2 * setting.cell
     noise = rng.standard_normal(points.shape) * setting.rough
-    noise += (rng.random(points.shape) - 0.5) * 0.7 * setting.cell * (rng.random(points.shape) < 0.7)
-    for _ in range(3):
-        wave = rng.normal(0.0, 1.2, 3)
-        bend = rng.normal(0.0, 1.0, 3)
-        bend *= setting.warp / 3 / np.linalg.norm(bend)
-        noise += np.sin(points @ wave + rng.uniform(0, 2 * np.pi))[:, None] * bend
+    noise += waves(points, setting.bumps, *BUMPS, rng) + waves(points, setting.warp, *BENDS, rng)
+    if len(points) > NEIGHBOURS:
+        _, index = cKDTree(points, balanced_tree=False).query(points, k=NEIGHBOURS)
+        near = points[index]
+        middle = near.mean(axis=1)
+        offset = near - middle[:, None]
+        normal = np.linalg.eigh(offset.transpose(0, 2, 1) @ offset)[1][:, :, 0]
+        along = (rng.random(points.shape) - 0.5) * setting.cell
+        noise += along - (along * normal).sum(axis=1, keepdims=True) * normal
+        noise += np.clip(setting.blur * (middle - points), -limit, limit)
     return np.asarray(points + noise, dtype=np.float32)
+
+
+def waves(
+    points: np.ndarray, amplitude: float, shortest: float, longest: float, count: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw smooth offsets (N, 3) of about an amplitude at points (N, 3), by `count` waves of lengths in metres."""
+    total = np.zeros(points.shape)
+    for _ in range(count):
+        direction, bend = rng.normal(0.0, 1.0, (2, 3))
+        length = shortest * (longest / shortest) ** rng.random()
+        wave = direction * (2 * np.pi / length / np.linalg.norm(direction))
+        bend *= amplitude * np.sqrt(2.0 / count) / np.linalg.norm(bend)
+        total += np.sin(points @ wave + rng.uniform(0, 2 * np.pi))[:, None] * bend
+    return total
 
 
 def _free_floor(room: Room) -> np.ndarray:

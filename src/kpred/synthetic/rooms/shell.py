@@ -16,6 +16,9 @@ THICKNESS = 0.12
 CORRIDOR = 1.5
 """Depth of the floor that is seen through an open door, metres."""
 
+BEYOND = 1.2
+"""Metres by which the floor goes on where there is no wall."""
+
 
 @dataclass(frozen=True, eq=False)
 class Wall:
@@ -25,12 +28,14 @@ class Wall:
         pose: (4, 4) from the wall's frame (x along the wall from its middle, y up, z into the room) to the room's.
         length: metres along x.
         doors, windows: spans (x0, x1) that furniture leaves free of itself.
+        is_open: there is no wall: the room is a part of a larger one.
     """
 
     pose: np.ndarray
     length: float
     doors: tuple[tuple[float, float], ...] = ()
     windows: tuple[tuple[float, float], ...] = ()
+    is_open: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,11 +58,16 @@ def build_shell(size: np.ndarray, rng: np.random.Generator) -> tuple[list[RoomOb
     ]
     door_side = whole(rng, 0, 3)
     window_sides = {whole(rng, 0, 3)} if happens(rng, 0.85) else set()
-    objects = [_floor(width, depth)]
+    missing = set(rng.permutation(4)[: whole(rng, 1, 2)].tolist()) if happens(rng, 0.25) else set()
+    beyond = BEYOND if missing else 0.0
+    objects = [_floor(width + 2 * beyond, depth + 2 * beyond)]
     if happens(rng, 0.9):
         objects.append(_ceiling(width, height, depth))
     walls = []
     for number, (pose, length) in enumerate(sides):
+        if number in missing:
+            walls.append(Wall(pose, length, is_open=True))
+            continue
         openings: list[_Opening] = []
         for _ in range(1 + happens(rng, 0.15) if number == door_side else 0):
             openings += _opening(rng, length, height, openings, True)

@@ -127,6 +127,19 @@ def bin_(rng: np.random.Generator) -> list[Part]:
     return [cylinder(narrow, (0.0, 0.0, 0.0), (0.0, tall, 0.0), "bin", sides=12, end_radius=radius)]
 
 
+def heap(rng: np.random.Generator) -> list[Part]:
+    """Build a pile of things of all kinds, that lie on and across each other."""
+    reach, parts = between(rng, 0.08, 0.3), []
+    for _ in range(whole(rng, 4, 12)):
+        size = (between(rng, 0.04, 0.25), between(rng, 0.02, 0.15), between(rng, 0.04, 0.25))
+        x, z = (float(rng.normal(0.0, 0.5 * reach)) for _ in range(2))
+        low = between(rng, 0.0, max(0.02, 0.6 * (reach - float(np.hypot(x, z)))))
+        make = cushion if happens(rng, 0.4) else box
+        part = make(size, (x, low + size[1] / 2, z), "heap").rotated("y", between(rng, 0.0, 180.0))
+        parts.append(part.rotated("x", float(rng.normal(0.0, 12.0)), (x, low, z)))
+    return parts
+
+
 def computer(rng: np.random.Generator) -> list[Part]:
     """Build a computer's case that stands on the floor."""
     size = (between(rng, 0.16, 0.22), between(rng, 0.36, 0.48), between(rng, 0.4, 0.5))
@@ -145,8 +158,16 @@ ON_DESKS: dict[str, Small] = {
     "device": old_monitor,
     "box": carton,
     "book row": book_row,
+    "heap": heap,
 }
-ON_TABLES: dict[str, Small] = {"cups": cups, "books": book_pile, "laptop": laptop, "box": carton, "bag": bag}
+ON_TABLES: dict[str, Small] = {
+    "cups": cups,
+    "books": book_pile,
+    "laptop": laptop,
+    "box": carton,
+    "bag": bag,
+    "heap": heap,
+}
 ON_SHELVES: dict[str, Small] = {
     "books": book_row,
     "more books": book_row,
@@ -154,9 +175,17 @@ ON_SHELVES: dict[str, Small] = {
     "box": carton,
     "cups": cups,
     "device": old_monitor,
+    "heap": heap,
 }
 ON_SEATS: dict[str, Small] = {"clothes": folded_cloth, "pillow": pillow, "bag": bag}
-ON_FLOORS: dict[str, Small] = {"box": carton, "bag": bag, "bin": bin_, "computer": computer, "pile": book_pile}
+ON_FLOORS: dict[str, Small] = {
+    "box": carton,
+    "bag": bag,
+    "bin": bin_,
+    "computer": computer,
+    "pile": book_pile,
+    "heap": heap,
+}
 
 
 def small_thing(kinds: dict[str, Small], rng: np.random.Generator) -> tuple[str, Mesh]:

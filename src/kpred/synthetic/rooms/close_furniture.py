@@ -1,4 +1,4 @@
-"""Furniture that stands close: tops of several metres along a wall with drawers below, seats side by side."""
+"""Furniture that stands close: long tops with drawers below, cabinets up to the ceiling, seats side by side."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from kpred.shapes.mesh import Mesh
 from kpred.synthetic.chance import between, happens, whole
 from kpred.synthetic.rooms.arrangement import Arrangement
-from kpred.synthetic.rooms.groups import depth_of, pushed_in, row, width_of
+from kpred.synthetic.rooms.groups import CLOSE, depth_of, pushed_in, row, width_of
 from kpred.synthetic.rooms.room import pose_of
 from kpred.synthetic.rooms.shell import Wall
 
@@ -32,6 +32,20 @@ def long_desk(room: Arrangement, wall: Wall, chair: Mesh) -> None:
     for _ in range(whole(rng, 1, 4)):
         edge = np.array([between(rng, -0.45, 0.45) * long, front])
         pushed_in(room, desk, edge, np.array([0.0, 1.0]), chair, "office chair")
+
+
+def built_in(room: Arrangement, wall: Wall) -> None:
+    """Stand equal cabinets of one height, often up to the ceiling, side by side along a part of a wall."""
+    rng = room.rng
+    mesh = room.draw("tall cabinet")
+    own = np.ptp(mesh.vertices, axis=0)
+    tall = float(room.size[1]) - 0.02 if happens(rng, 0.5) else between(rng, 1.9, float(room.size[1]) - 0.05)
+    size = np.array([between(rng, 0.4, 1.2), tall, between(rng, 0.3, 0.65)])
+    shaped = Mesh((mesh.vertices * (size / own)).astype(np.float32), mesh.faces, mesh.name)
+    along = between(rng, -0.5, 0.0) * wall.length + size[0] / 2 + 0.02
+    for _ in range(whole(rng, 1, 5)):
+        room.against_wall("tall cabinet", shaped, wall, along, gap=0.005, close=CLOSE)
+        along += size[0] + 0.008
 
 
 def waiting_seats(room: Arrangement, wall: Wall) -> None:
