@@ -8,10 +8,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kpred.errors import ScanError
+from kpred.fitting.defaults import sample_scan
 from kpred.fitting.fit_room import fit_room
 from kpred.fitting.fit_scene import SceneFit
 from kpred.fitting.scene_nodes import POINTS_NODE
-from kpred.scenes.scene import Scene
+from kpred.scenes.scene import Scene, read_scene
 
 Room = tuple[np.ndarray, np.ndarray]
 TILT = Rotation.from_euler("xyz", [18, -10, 0], degrees=True).as_matrix()
@@ -67,5 +68,11 @@ def test_what_is_no_room_is_one_sentence() -> None:
     field = rng.uniform([-50, -50, 0], [50, 50, 0.3], (4000, 3))
     with pytest.raises(ScanError, match="m wide, too wide for a room"):
         fit_room(Scene(field, name="field"), up="z")
-    with pytest.raises(ScanError, match="the scan of one object is fitted by `kpred fit`"):
+    with pytest.raises(ScanError, match="m wide, the scan of one object and no room; fit it with `kpred fit`"):
         fit_room(Scene(rng.normal(0.0, 0.2, (2000, 3)), name="thing"), up="z")
+
+
+def test_one_object_is_no_room_even_if_parts_of_it_look_like_furniture() -> None:
+    # Its seat alone would be found as a chair, in a direction that is not up.
+    with pytest.raises(ScanError, match="fit it with `kpred fit`"):
+        fit_room(read_scene(sample_scan()))

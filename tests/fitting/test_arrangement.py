@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 import kpred
 from kpred.fitting.arrangement import arrange, floor_gap, interpenetration
@@ -69,3 +70,19 @@ def test_results_apart_stay_where_they_are(chair: ObjectFit) -> None:
     result = arrange(pair, "y", None, 1.0)
     for before, after in zip(pair, result, strict=True):
         np.testing.assert_allclose(before.cad_to_scan(), after.cad_to_scan())
+
+
+def test_a_result_is_moved_off_a_wall_that_was_seen(chair: ObjectFit) -> None:
+    assert chair.fit is not None
+    block = trimesh.creation.box([0.6, 0.8, 0.4])
+    block.apply_translation([0.0, 0.4, 0.0])
+    cabinet = replace(chair, fit=replace(chair.fit, mesh=block))
+    y, x = np.meshgrid(np.arange(0.0, 1.2, 0.01), np.arange(-1.0, 1.0, 0.01))
+    wall = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -0.1)])
+    own = np.asarray(block.sample(2000, seed=0))
+    cabinet = replace(cabinet, object=replace(cabinet.object, points=own, indices=np.arange(2000)))
+    (still,) = arrange([cabinet], "y", FLOOR, 1.0)
+    (moved,) = arrange([cabinet], "y", FLOOR, 1.0, np.concatenate([own, wall]))
+    assert still.fit is not None and moved.fit is not None
+    np.testing.assert_allclose(still.fit.mesh.bounds, cabinet.fit.mesh.bounds)  # type: ignore[union-attr]
+    assert -0.16 < moved.fit.mesh.bounds[0, 2] < -0.09

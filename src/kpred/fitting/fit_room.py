@@ -114,6 +114,11 @@ def fit_level_room(
             f"{scene.path or scene.name}: it is {width:.0f} m wide, too wide for a room; cut one room out of it, or "
             "name the objects with --objects."
         )
+    if width < MIN_WIDTH:
+        raise ScanError(
+            f"{scene.path or scene.name}: it is {width:.1f} m wide, the scan of one object and no room; fit it with "
+            "`kpred fit`, or name the objects with --objects."
+        )
     if not found.objects:
         raise ScanError(f"{scene.path or scene.name}: {_nothing_found(scene, found)}")
     level = level_scene(scene, found)
@@ -121,7 +126,7 @@ def fit_level_room(
     objects = detected_objects(level, found)
     fitted = fit_scene(level, objects, model, database, progress, False if ground is None else ground, **fit_options)
     equal = share_models(fitted.fits, level.up, found.gravity.metres) if share else fitted.fits
-    fits = arrange(equal, level.up, ground, found.gravity.metres)
+    fits = arrange(equal, level.up, ground, found.gravity.metres, level.points)
     leveling = found.gravity.rotation
     rest = unexplained(scene, found)
     return LevelRoom(scene, level.up, tuple(fits), ground, leveling, rest)
@@ -131,8 +136,6 @@ def _nothing_found(scene: Scene, found: Detection) -> str:
     finite = int(np.isfinite(scene.points).all(axis=1).sum())
     if found.structure.sum() > 0.9 * finite:
         return "it shows floor and walls only; scan furniture too, or name the objects with --objects."
-    if _width(scene) * found.gravity.metres < MIN_WIDTH:
-        return "no chair, table or cabinet was found in it; the scan of one object is fitted by `kpred fit`."
     return "no chair, table or cabinet was found in it; name the objects with --objects."
 
 
