@@ -65,7 +65,7 @@ def deep_cells(cells: Int[np.ndarray, "cells 3"]) -> Int[np.ndarray, "deep 3"]:
 
 
 def owners(count: int, objects: Sequence[np.ndarray]) -> Int[np.ndarray, " points"]:
-    """Number each of `count` points by the object whose rows hold it, -1 for none."""
+    """Return the number of the object that holds each of `count` points, -1 for none."""
     result = np.full(count, -1, dtype=np.int64)
     for number, rows in enumerate(objects):
         result[rows[rows >= 0]] = number

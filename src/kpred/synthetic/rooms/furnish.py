@@ -9,11 +9,11 @@ import numpy as np
 from kpred.synthetic.chance import between, happens, pick, whole
 from kpred.synthetic.rooms.arrangement import Arrangement
 from kpred.synthetic.rooms.catalogue import Catalogue
+from kpred.synthetic.rooms.close_furniture import built_in, long_desk, waiting_seats
 from kpred.synthetic.rooms.clutter import clutter_floor, clutter_objects
 from kpred.synthetic.rooms.fixtures import hang_fixtures
 from kpred.synthetic.rooms.groups import bed_group, desk_at_wall, island, lounge, row, table_group, width_of
 from kpred.synthetic.rooms.interior_walls import interior_walls
-from kpred.synthetic.rooms.close_furniture import built_in, long_desk, waiting_seats
 from kpred.synthetic.rooms.room import Room
 from kpred.synthetic.rooms.shell import Wall, build_shell
 

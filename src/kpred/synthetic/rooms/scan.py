@@ -179,7 +179,7 @@ def _poses(room: Room, scanner: str, rng: np.random.Generator) -> np.ndarray:
 
 
 def _uneven(points: np.ndarray, setting: _Setting, rng: np.random.Generator) -> np.ndarray:
-    """Disturb fused points (N, 3) as a TSDF's mesh is: off their grid, edges rounded, things that touch joined, bumps."""
+    """Disturb fused points (N, 3) as in a TSDF: off their grid, edges rounded, things that touch joined, bumps."""
     limit = 2 * setting.cell
     noise = rng.standard_normal(points.shape) * setting.rough
     noise += waves(points, setting.bumps, *BUMPS, rng) + waves(points, setting.warp, *BENDS, rng)
