@@ -18,7 +18,7 @@ demo: $(STAMP)
 	@$(BIN)/kpred demo
 
 test: $(STAMP)
-	@$(BIN)/python -m pytest -n 2 -q
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 lint: $(STAMP)
 	@$(BIN)/ruff check $(LINTED)

@@ -20,8 +20,8 @@ folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("kpred-examples")
 folder.mkdir(parents=True, exist_ok=True)
 
 # A mesh pack says which shapes are searched (split source) and which are the targets (split val).
-chairs = generate("chair", 32, seed=123, splits=False)
-splits = ["val" if row % 8 == 0 else "source" for row in range(len(chairs))]
+chairs = generate("chair", 24, seed=123, splits=False)
+splits = ["val" if row % 12 == 0 else "source" for row in range(len(chairs))]
 file = folder / "chair.npz"
 MeshPack.from_meshes(list(chairs), list(chairs.model_id), splits, "chair").save(file)
 

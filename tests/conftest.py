@@ -1,19 +1,28 @@
 """What all tests share: shape checks switched on, seeds, and the folder of development data."""
 
+import gc
+import os
+import sys
+from importlib import import_module
 from pathlib import Path
 
+import numba
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
+
+# Bytecode is kept, whatever the environment says: checked code takes long to compile, and programs are started often.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
+# What is imported within a hooked module is compiled from its source: libraries come before.
+for library in ("scipy.optimize", "scipy.spatial", "scipy.stats", "sqlalchemy", "trimesh", "huggingface_hub", "tyro"):
+    import_module(library)
 
 # Must stand before the first import of kpred: every annotated function then checks its arguments and result.
 install_import_hook("kpred", "beartype.beartype")
-
-import os  # noqa: E402
-
-import numba  # noqa: E402
-import numpy as np  # noqa: E402
-import pytest  # noqa: E402
-import torch  # noqa: E402
-from hypothesis import HealthCheck, settings  # noqa: E402
 
 from kpred.nn import Model, ModelConfig  # noqa: E402
 from kpred.training.run import new_network  # noqa: E402
@@ -22,6 +31,9 @@ settings.register_profile(
     "kpred", deadline=None, derandomize=True, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("kpred")
+
+# Libraries make many objects and no garbage: they are searched for cycles less often.
+gc.set_threshold(100_000, 50, 1000)
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # The workers already fill the cores.
@@ -64,6 +76,11 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no development data at {folder} (set KPRED_SHARED_DATA)")
     return folder
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is loaded by now out of all searches for cycles."""
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
