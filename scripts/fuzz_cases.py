@@ -15,6 +15,8 @@ from PIL import Image
 
 from kpred.scenes.objects import objects_of
 from kpred.scenes.scene import read_scene
+from kpred.shapes.captures.capture import GL_TO_CV
+from kpred.shapes.captures.read import capture_scan, read_capture
 from kpred.shapes.depth import read_depth, read_mask
 from kpred.shapes.intrinsics_file import read_intrinsics_file
 from kpred.shapes.manifest import read_manifest
@@ -49,7 +51,8 @@ def cases(folder: Path) -> list[Case]:
     for name, data in content.items():
         (folder / name).write_bytes(data)
     found += [Case(folder / name, read_mesh) for name in ("text.ply", "text.stl", "model.gltf")]
-    return [*found, *_clouds(folder, np.asarray(ball.vertices)), *_cameras(folder), *_scenes(folder, mesh)]
+    clouds = _clouds(folder, np.asarray(ball.vertices))
+    return [*found, *clouds, *_cameras(folder), *_scenes(folder, mesh), *_captures(folder)]
 
 
 def _text_ply(mesh: Mesh) -> str:
@@ -126,6 +129,45 @@ def _cameras(folder: Path) -> list[Case]:
     found += [Case(folder / name, read_depth) for name in ("depth.png", "depth.tiff", "depth.npy", "depth.npz")]
     found += [Case(folder / name, read_depth) for name in ("depth.pgm", "depth.pfm")]
     return [*found, Case(folder / "mask.png", read_mask)]
+
+
+def _captures(folder: Path) -> list[Case]:
+    """Write folders of depth pictures, and return what reads them when one of their files is mutated."""
+    turned = np.eye(4) @ GL_TO_CV
+    camera = {"fl_x": 20.0, "fl_y": 20.0, "cx": 15.5, "cy": 11.5, "w": 32, "h": 24}
+    frames = [
+        {"file_path": f"{view}.png", "depth_file_path": f"depth/{view}.png", "transform_matrix": turned.tolist()}
+        for view in range(2)
+    ]
+    row = "0 0 0 0 0 0 1"
+    files = {
+        "nerf/transforms.json": json.dumps(camera | {"frames": frames}),
+        "stray/odometry.csv": "t, frame, x, y, z, qx, qy, qz, qw\n"
+        + "".join(f"0.1, {view}, {row.replace(' ', ', ')}\n" for view in range(2)),
+        "stray/camera_matrix.csv": "20,0,15.5\n0,20,11.5\n0,0,1\n",
+        "tum/groundtruth.txt": "".join(f"{view}.0 {row}\n" for view in range(2)),
+        "tum/depth.txt": "".join(f"{view}.0 depth/{view}.png\n" for view in range(2)),
+        "tum/camera.txt": "20 20 15.5 11.5",
+        "replica/traj.txt": "".join(" ".join(map(str, np.eye(4).ravel())) + "\n" for _ in range(2)),
+        "replica/cam_params.json": json.dumps({"fx": 20.0, "fy": 20.0, "cx": 15.5, "cy": 11.5, "w": 32, "h": 24}),
+        "r3d/metadata.json": json.dumps({"w": 32, "h": 24, "K": [20, 0, 0, 0, 20, 0, 15.5, 11.5, 1], "poses": _TURNS}),
+        "o3d/a.log": "".join(
+            f"{view} {view} {view + 1}\n" + "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" for view in range(2)
+        ),
+        "o3d/intrinsic.json": json.dumps(
+            {"width": 32, "height": 24, "intrinsic_matrix": [20, 0, 0, 0, 20, 0, 15.5, 11.5, 1]}
+        ),
+    }
+    for name, text in files.items():
+        file = folder / name
+        (file.parent / "depth").mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+        for view in range(2):
+            Image.fromarray(np.full((24, 32), 1000 + view, np.uint16)).save(file.parent / f"depth/{view}.png")
+    return [Case(folder / name, lambda file: capture_scan(read_capture(file.parent))) for name in files]
+
+
+_TURNS = [[0, 0, 0, 1, 0, 0, 0]] * 2
 
 
 def _scenes(folder: Path, mesh: Mesh) -> list[Case]:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -251,3 +252,20 @@ def test_options_that_make_no_sense_together(words: list[str], said: str, line: 
 def test_several_pictures_need_poses(room: Path, line: list[str], tmp_path: Path) -> None:
     words = [line[0], str(room / "1.png"), *line[1:], "-o", str(tmp_path / "t.obj")]
     assert "--pose, one each" in refusal(words, UsageError)
+
+
+def test_a_folder_of_pictures_with_their_poses(
+    room: Path, line: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for view in range(2):
+        for source, place in ((f"{view}.png", "depth"), (f"pose{view}.txt", "pose"), (f"ids{view}.png", "masks")):
+            (tmp_path / place).mkdir(exist_ok=True)
+            shutil.copy(room / source, tmp_path / place / f"{view}{Path(source).suffix}")
+    (tmp_path / "intrinsic").mkdir()
+    shutil.copy(room / "k.txt", tmp_path / "intrinsic/intrinsic_depth.txt")
+    words = [tmp_path, *line[3:], "--up", "y", "--mask", tmp_path / "masks", "--mask-id", 5, "-o", tmp_path / "t.obj"]
+    run(words)
+    assert json.loads(capsys.readouterr().out)["files"]
+    check_place(tmp_path / "t.obj", *np.loadtxt(room / "table.txt"))
+    assert "leave --pose and --rgb out" in refusal([*words, "--pose", room / "pose0.txt"], UsageError)
+    assert "--intrinsics is needed" in refusal([line[0], *line[3:], "-o", tmp_path / "u.obj"], UsageError)

@@ -16,8 +16,10 @@ from kpred.scenes.instances import (
     column_numbers,
     instances_of_faces,
 )
+from kpred.shapes.captures.read import capture_scan, read_capture
 from kpred.shapes.formats.ply_elements import Columns
 from kpred.shapes.formats.scene_ply import plain_columns, scene_elements, vertex_columns
+from kpred.shapes.formats.usd import USD_EXTENSIONS, read_usd_up
 from kpred.shapes.mesh_io import read_geometry
 from kpred.shapes.reading import check_file, reading
 from kpred.shapes.scan import MESH_SCAN_EXTENSIONS, POINT_READERS, SCAN_EXTENSIONS
@@ -58,8 +60,8 @@ def read_scene(
     """Read a scanned scene: a PLY (ScanNet, S3DIS or any other) or another file of points or of a mesh.
 
     Args:
-        path: the scene. Of a mesh, the vertices are the points.
-        up: its up axis; None means z, as in ScanNet and S3DIS, and y for .glb and .gltf.
+        path: the scene, or a folder of depth pictures with their poses. Of a mesh, the vertices are the points.
+        up: its up axis; None means z, as in ScanNet and S3DIS, y for .glb and .gltf, and what USD and captures name.
         labels: a PLY with the same vertices and the property `label` (NYU40); None looks for ScanNet's
             `<stem>.labels.ply` beside the scene. One that is found there but does not match is left out with a
             `SceneWarning`; one that is named must match.
@@ -72,17 +74,24 @@ def read_scene(
     extension = file.suffix.lower()
     if up is not None and up not in UP_AXES:
         raise ConfigError(f"The up axis must be one of {', '.join(UP_AXES)}, but is '{up}'.")
+    if file.is_dir():
+        capture = read_capture(file)
+        usual_up = "z" if capture.up == "auto" else capture.up
+        return Scene(capture_scan(capture).points, up=up or usual_up, name=file.resolve().name, path=file)
     check_file(file, ScanError, "scene file")
     if extension not in SCENE_EXTENSIONS:
         raise ScanError(f"{file}: unknown scene extension {extension!r}; convert it to {', '.join(SCENE_EXTENSIONS)}.")
     elements: dict[str, Columns] = {}
-    faces = None
+    faces, usual_up = None, "y" if extension in (".glb", ".gltf") else "z"
     with reading(file, ScanError):
         if extension == ".ply":
             elements = scene_elements(file)
             columns = plain_columns(elements["vertex"])
             points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
             faces = _faces(file, len(points)) if elements.get("face") else None
+        elif extension in USD_EXTENSIONS:
+            geometry, usual_up = read_usd_up(file)
+            points, faces = geometry.vertices, geometry.faces if len(geometry.faces) else None
         elif extension in MESH_SCAN_EXTENSIONS:
             geometry = read_geometry(file)
             points, faces = geometry.vertices, geometry.faces if len(geometry.faces) else None
@@ -97,7 +106,7 @@ def read_scene(
         labels=_labels(file, len(points), vertices, None if labels is None else Path(labels)),
         colors=_colors(plain_columns(vertices)),
         faces=faces,
-        up=up or ("y" if extension in (".glb", ".gltf") else "z"),
+        up=up or usual_up,
         name=scene_name(file),
         path=file,
         instances=instances if instances is not None else instances_of_faces(elements.get("face", {}), len(points)),

@@ -63,7 +63,15 @@ def read_intrinsics_file(path: str | os.PathLike[str], picture: Size | None = No
         ConfigError: missing, unreadable, or not intrinsics.
     """
     file = Path(path)
-    content = read_keyed(file, "intrinsics")
+    return intrinsics_of(file, read_keyed(file, "intrinsics"), picture)
+
+
+def intrinsics_of(file: Path, content: Any, picture: Size | None = None) -> IntrinsicsFile:
+    """Find the intrinsics in the content of a file; see `read_intrinsics_file`.
+
+    Raises:
+        ConfigError: there are none.
+    """
     if isinstance(content, dict) or (isinstance(content, list) and content and isinstance(content[0], dict)):
         found = [(matrix, size) for _, matrix, size in sorted(_cameras(file, content, picture), key=lambda c: c[0])]
         scale = _scale(content)

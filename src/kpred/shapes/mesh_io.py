@@ -1,4 +1,4 @@
-"""Mesh files in: .obj .ply .stl .off .glb .gltf; `kpred.shapes.mesh_output` writes them."""
+"""Mesh files in: .obj .ply .stl .off .glb .gltf .usd; `kpred.shapes.mesh_output` writes them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from kpred.shapes.formats.obj import read_obj
 from kpred.shapes.formats.off import read_off
 from kpred.shapes.formats.ply_mesh import read_ply_mesh
 from kpred.shapes.formats.stl import read_stl
+from kpred.shapes.formats.usd import USD_EXTENSIONS, read_usd
 from kpred.shapes.mesh import Mesh, clean_mesh
 from kpred.shapes.mesh_output import OUTPUT_EXTENSIONS as OUTPUT_EXTENSIONS
 from kpred.shapes.mesh_output import write_mesh as write_mesh
 from kpred.shapes.reading import check_file, reading
 
-MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+MESH_EXTENSIONS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", *USD_EXTENSIONS)
 
 # float32 keeps 24 bits: beyond this distance, in sizes of the object, its surface would move by 0.1 % of that size.
 _MAX_DISTANCE = 1e4
@@ -74,6 +75,8 @@ def read_geometry(path: Path) -> Geometry:
             return read_gltf(path)
         if extension == ".ply":
             return read_ply_mesh(path)
+        if extension in USD_EXTENSIONS:
+            return read_usd(path)
         vertices, faces = read_off(path) if extension == ".off" else read_stl(path)
         return Geometry(vertices, faces, np.zeros(len(faces), dtype=np.int64))
 

@@ -52,8 +52,20 @@ def read_pose(path: str | os.PathLike[str], picture: str | os.PathLike[str] | No
     if isinstance(content, list) and [len(row) for row in content if isinstance(row, list)] == [3, 4, 4, 4, 4]:
         content = content[1:]  # Open3D's .log: numbers of frames come first.
     if isinstance(content, dict):
-        return check_pose(_of_keys(file, _frame(file, content, picture), picture), str(file))
+        return pose_of(file, _frame(file, content, picture), picture)
     return check_pose(_square(numbers(file, content)), str(file))
+
+
+def pose_of(
+    file: Path, content: dict[str, Any], picture: str | os.PathLike[str] | None = None
+) -> Float[np.ndarray, "4 4"]:
+    """Find the camera-to-world matrix (4, 4) in the content of a file; see `read_pose`.
+
+    Raises:
+        ScanError: the frame's tracking was lost.
+        ConfigError: there is none, or several, or it is no rigid motion.
+    """
+    return check_pose(_of_keys(file, content, picture), str(file))
 
 
 def _frame(file: Path, content: dict[str, Any], picture: str | os.PathLike[str] | None) -> dict[str, Any]:

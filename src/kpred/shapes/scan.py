@@ -21,12 +21,13 @@ from kpred.shapes.formats.scan_pcd import pcd_points
 from kpred.shapes.formats.scan_ply import ply_points
 from kpred.shapes.formats.scan_ptx import ptx_points
 from kpred.shapes.formats.scan_text import text_points
+from kpred.shapes.formats.usd import USD_EXTENSIONS
 from kpred.shapes.mesh_io import Geometry, read_geometry
 from kpred.shapes.precision import single_precision_step
 from kpred.shapes.reading import check_file, reading
 
 TEXT_EXTENSIONS = (".xyz", ".xyzn", ".xyzrgb", ".txt", ".csv", ".tsv", ".asc", ".dat", ".pts")
-MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf")
+MESH_SCAN_EXTENSIONS = (".obj", ".stl", ".off", ".glb", ".gltf", *USD_EXTENSIONS)
 POINT_EXTENSIONS = (".ply", ".pcd", *TEXT_EXTENSIONS, ".ptx", ".las", ".laz", ".e57", ".npy", ".npz")
 SCAN_EXTENSIONS = (*POINT_EXTENSIONS, *MESH_SCAN_EXTENSIONS)
 
@@ -74,9 +75,9 @@ def read_scan(path: str | os.PathLike[str], max_points: int = 200_000, seed: int
     """Read the points of a scan, in the file's own frame and unit.
 
     Points come from .ply, .pcd, .xyz, .txt, .csv (and other text), .pts, .ptx, .las, .laz, .e57, .npy and .npz;
-    columns other than x, y, z are ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf) gives its vertices
-    when it is a dense scan mesh, as scanners and depth fusion make them; when it has large faces, as CAD models and
-    decimated scans do, points are drawn evenly from its surface by ``seed``. Memory is bounded by
+    columns other than x, y, z are ignored. A file with faces (.ply, .obj, .stl, .off, .glb, .gltf, .usd, .usdz) gives
+    its vertices when it is a dense scan mesh, as scanners and depth fusion make them; when it has large faces, as CAD
+    models and decimated scans do, points are drawn evenly from its surface by ``seed``. Memory is bounded by
     ``max_points`` for files of points other than ``binary_compressed`` PCD, however many the file holds.
 
     Raises:

@@ -1,0 +1,1 @@
+"""Folders of depth pictures with their cameras, as phones, depth cameras and data sets record them."""
