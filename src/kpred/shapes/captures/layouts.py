@@ -111,7 +111,12 @@ def inside(folder: Path, name: str) -> Path:
         ConfigError: it leads outside.
     """
     file = folder / name
-    if ".." in Path(name).parts or Path(name).is_absolute() or not file.resolve().is_relative_to(folder.resolve()):
+    if (
+        "\0" in name
+        or ".." in Path(name).parts
+        or Path(name).is_absolute()
+        or not file.resolve().is_relative_to(folder.resolve())
+    ):
         raise ConfigError(f"{folder}: it names {name[:60]!r}, outside of the folder; copy the pictures into it.")
     return file
 

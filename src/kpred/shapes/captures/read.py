@@ -15,6 +15,7 @@ from kpred.shapes.captures.layouts import Given
 from kpred.shapes.depth import MAX_DEPTH, DepthScan, MergedScan, merge_views, read_depth, scan_depth
 from kpred.shapes.depth_camera import depth_camera
 from kpred.shapes.picture_file import read_picture
+from kpred.shapes.reading import reading
 
 _LAYOUTS: tuple[Callable[[Path, Given], Capture | None], ...] = (
     phones.polycam,
@@ -53,11 +54,11 @@ def read_capture(folder: Path, given: Given = None) -> Capture:
         given: intrinsics, in place of those in the folder.
 
     Raises:
-        ScanError: no layout that is known, or no frame with a pose.
-        ConfigError: a file of poses or intrinsics is missing or damaged.
+        ScanError: no layout that is known, no frame with a pose, or a file of poses or intrinsics is missing or damaged.
     """
     for layout in _LAYOUTS:
-        capture = layout(folder, given)
+        with reading(folder, ScanError, "folder of depth pictures"):
+            capture = layout(folder, given)
         if capture is not None:
             if not capture.frames:
                 raise ScanError(f"{folder}: none of its depth pictures has a pose; check the files of poses.")
