@@ -79,13 +79,13 @@ def test_fit_many_names_what_it_left_out_and_fails_when_nothing_was_fitted(
     scans = tmp_path / "scans"
     scans.mkdir()
     (scans / "few.xyz").write_text("0 0 0\n1 1 1\n")
-    for name in ("b.rcp", "c.fls", "d.usdz", ".hidden.rcp"):
+    for name in ("b.rcp", "c.fls", "d.skp", ".hidden.rcp"):
         (scans / name).write_text("stub")
     assert main(["fit-many", str(scans), "-o", str(tmp_path / "out"), "--workers", "1", "--json"]) == FAILED
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["left_out"] == {".fls": 1, ".rcp": 1, ".usdz": 1}
-    assert "left out: 3 files of kinds that are not read (1 .fls, 1 .rcp, 1 .usdz)" in printed.err
+    assert json.loads(printed.out)["left_out"] == {".fls": 1, ".rcp": 1, ".skp": 1}
+    assert "left out: 3 files of kinds that are not read (1 .fls, 1 .rcp, 1 .skp)" in printed.err
     assert "none of its 1 scans could be fitted" in printed.err
     (scans / "few.xyz").unlink()
     said = refusal("fit-many", scans, "-o", tmp_path / "other", "--workers", "1")
-    assert "there are no scans in it (it holds 1 .fls, 1 .rcp, 1 .usdz)" in said
+    assert "there are no scans in it (it holds 1 .fls, 1 .rcp, 1 .skp)" in said

@@ -54,7 +54,7 @@ def read_capture(folder: Path, given: Given = None) -> Capture:
         given: intrinsics, in place of those in the folder.
 
     Raises:
-        ScanError: no layout that is known, no frame with a pose, or a file of poses or intrinsics is missing or damaged.
+        ScanError: no layout that is known, no frame with a pose, or a file of poses or intrinsics is damaged.
     """
     for layout in _LAYOUTS:
         with reading(folder, ScanError, "folder of depth pictures"):
