@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
@@ -12,9 +12,6 @@ from kpred.cli.evaluate_ablation import AblationCommand
 from kpred.cli.evaluate_generalization import GeneralizationCommand
 from kpred.cli.evaluate_scan2cad import Scan2CadCommand
 from kpred.cli.table_options import MeasuredCommand
-
-if TYPE_CHECKING:
-    from kpred.evaluation.tables.config import TableConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,26 +29,14 @@ class FullCommand(MeasuredCommand):
       kpred evaluate table full packs/ --unknown-frame --oracle --limit 40
     """
 
+    kind: ClassVar[str] = "full"
+
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
     unknown_frame: Annotated[bool, arg(help_behavior_hint="")] = False
     """Fit every target too where its place, size and yaw must be found"""
     oracle: Annotated[bool, arg(help_behavior_hint="")] = False
     """Deform and compare all of the database as well (slow)"""
-
-    def config(self) -> TableConfig:
-        """Return the settings of the table."""
-        from kpred.evaluation.tables.config import TableConfig
-
-        return TableConfig(
-            "full",
-            self.split,
-            self.limit,
-            self.seed,
-            (self.top_k,),
-            oracle=self.oracle,
-            unknown_frame=self.unknown_frame,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,26 +50,14 @@ class PartialCommand(MeasuredCommand):
       kpred evaluate table partial packs/ --occlusions 0 0.5 --unknown-frame --limit 20
     """
 
+    kind: ClassVar[str] = "partial"
+
     top_k: Annotated[int, arg(metavar="K")] = 10
     """How many retrieved models are deformed and compared"""
     occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = (0.0, 0.25, 0.5, 0.75)
     """Fractions of the points that are hidden"""
     unknown_frame: Annotated[bool, arg(help_behavior_hint="")] = False
     """Fit every target too where its place, size and yaw must be found"""
-
-    def config(self) -> TableConfig:
-        """Return the settings of the table."""
-        from kpred.evaluation.tables.config import TableConfig
-
-        return TableConfig(
-            "partial",
-            self.split,
-            self.limit,
-            self.seed,
-            (self.top_k,),
-            self.occlusions,
-            unknown_frame=self.unknown_frame,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,16 +69,12 @@ class TopKCommand(MeasuredCommand):
       kpred evaluate table topk packs/ --top-k 1 10 --oracle --limit 20
     """
 
+    kind: ClassVar[str] = "topk"
+
     top_k: Annotated[tuple[int, ...], arg(metavar="K [K ...]")] = (1, 5, 10, 25)
     """Numbers of retrieved models that are deformed and compared"""
     oracle: Annotated[bool, arg(help_behavior_hint="")] = False
     """Deform and compare all of the database as well (slow)"""
-
-    def config(self) -> TableConfig:
-        """Return the settings of the table."""
-        from kpred.evaluation.tables.config import TableConfig
-
-        return TableConfig("topk", self.split, self.limit, self.seed, self.top_k, oracle=self.oracle)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,18 +90,14 @@ class OracleCommand(MeasuredCommand):
       kpred evaluate table oracle chair.npz --limit 10 --occlusions 0.5
     """
 
+    kind: ClassVar[str] = "oracle"
+
     limit: Annotated[int | None, arg(metavar="N")] = 40
     """At most so many targets a pack, drawn at random by the seed"""
     top_k: Annotated[tuple[int, ...], arg(metavar="K [K ...]")] = (1, 5, 10, 25)
     """Numbers of retrieved models"""
     occlusions: Annotated[tuple[float, ...], arg(metavar="FRACTION [FRACTION ...]")] = ()
     """Rank for shapes cut by a plane too, with these fractions hidden"""
-
-    def config(self) -> TableConfig:
-        """Return the settings of the table."""
-        from kpred.evaluation.tables.config import TableConfig
-
-        return TableConfig("oracle", self.split, self.limit, self.seed, self.top_k, self.occlusions)
 
 
 TABLES = Group(

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -140,6 +140,8 @@ def named(words: Sequence[str], option: str) -> list[tuple[str, str]]:
 class MeasuredCommand(PackTableCommand, ModelOptions):
     """Tables that measure the targets of packs by one plan."""
 
+    kind: ClassVar[str] = "full"
+    """Kind of the table (`kpred.evaluation.tables.config`)"""
     targets: Annotated[Path | None, arg(metavar="FILE")] = None
     """Only the targets named in this file: another table (.json), a split file (.csv with modelId and split), or one id
     a line"""
@@ -151,9 +153,16 @@ class MeasuredCommand(PackTableCommand, ModelOptions):
         """Return folders of peers by their name in the table."""
         return named(self.peer, "peer")
 
-    @abstractmethod
     def config(self) -> TableConfig:
-        """Return the settings of the table."""
+        """Return the settings of the table, by the options that the command has."""
+        from kpred.evaluation.tables.config import TableConfig
+
+        options = {
+            name: getattr(self, name) for name in ("occlusions", "oracle", "unknown_frame") if hasattr(self, name)
+        }
+        top_k: int | tuple[int, ...] = vars(self)["top_k"]
+        numbers = top_k if isinstance(top_k, tuple) else (top_k,)
+        return TableConfig(self.kind, self.split, self.limit, self.seed, numbers, **options)
 
     def check(self) -> None:
         """Refuse what cannot work before any work is done."""
