@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from kpred.batch import layout
 from kpred.batch.journal import Journal
 from kpred.batch.layout import lay_out, name_places
 from kpred.batch.task import Task, other_files, read_tasks
@@ -27,24 +26,19 @@ def test_places_are_readable_and_all_different() -> None:
     assert all(not place.startswith(("/", ".")) and ".." not in place.split("/") for place in places.values())
 
 
-def test_a_small_batch_lies_as_its_scans_do_and_a_large_one_in_hashes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_small_batch_lies_as_its_scans_do_and_a_large_one_in_hashes(tmp_path: Path) -> None:
     found, placed = lay_out(iter(tasks("a.ply", "b.ply")), tmp_path / "out", tmp_path)
     assert [task.stem for task in placed] == ["a", "b"] and found.job == {"layout": "names"}
-    monkeypatch.setattr(layout, "SMALL", 1)
-    found, placed = lay_out(iter(tasks("a.ply", "b.ply")), tmp_path / "out", tmp_path)
+    found, placed = lay_out(iter(tasks("a.ply", "b.ply")), tmp_path / "out", tmp_path, small=1)
     assert found.places is None and found.job == {}
     assert [task.stem[2] for task in placed] == ["/", "/"]
 
 
 @pytest.mark.parametrize("begun", [{}, {"layout": "names"}])
-def test_a_batch_goes_on_in_the_layout_in_which_it_began(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begun: dict[str, str]
-) -> None:
+def test_a_batch_goes_on_in_the_layout_in_which_it_began(tmp_path: Path, begun: dict[str, str]) -> None:
     (tmp_path / "job.json").write_text(json.dumps(begun))
-    monkeypatch.setattr(layout, "SMALL", 1 if begun else 1000)
-    found, placed = lay_out(iter(tasks("a.ply", "b.ply")), tmp_path, tmp_path / "scans")
+    small = 1 if begun else 1000
+    found, placed = lay_out(iter(tasks("a.ply", "b.ply")), tmp_path, tmp_path / "scans", small)
     assert found.job == begun
     assert (next(placed).stem == "a") == bool(begun)
 

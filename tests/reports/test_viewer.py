@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from kpred.reports import viewer as module
 from kpred.reports.page import page
 from kpred.reports.viewer import MAX_POINTS, Shape, color, viewer
 
@@ -38,10 +37,9 @@ def test_points_are_thinned_with_their_colors_and_strays_left_out() -> None:
     np.testing.assert_array_equal(shape.colors[:, 0], shape.vertices[:, 0] % 251)
 
 
-def test_meshes_beyond_the_budget_are_left_out_and_keep_their_numbers(monkeypatch: Any) -> None:
-    monkeypatch.setattr(module, "MAX_TRIANGLES", 13)
+def test_meshes_beyond_the_budget_are_left_out_and_keep_their_numbers() -> None:
     each = [Shape("m", BOX.vertices + at, BOX.faces, color(1, 1, 1)) for at in range(3)]
-    html = viewer(each)
+    html = viewer(each, max_triangles=13)
     assert [bool(item.get("faces")) for item in content(html)["items"]] == [True, False, False]
     assert "2 meshes" in html
     assert viewer([]) == "" and viewer([Shape.of_points("a", np.zeros((0, 3)), color(1, 1, 1))]) == ""

@@ -37,15 +37,17 @@ class Layout:
         return {} if self.places is None else {"layout": "names"}
 
 
-def lay_out(tasks: Iterator[Task], out: Path, source: Path) -> tuple[Layout, Iterator[Task]]:
+def lay_out(tasks: Iterator[Task], out: Path, source: Path, small: int = SMALL) -> tuple[Layout, Iterator[Task]]:
     """Choose the layout of a batch, that of the run that began it, and give each scan its place.
+
+    `small`: number of scans up to which a batch is small.
 
     Raises:
         ManifestError: no scans; or results would lie among the scans.
     """
-    first = list(islice(tasks, SMALL + 1))
+    first = list(islice(tasks, small + 1))
     before = _begun(out)
-    if before == "hashes" or (before is None and len(first) > SMALL):
+    if before == "hashes" or (before is None and len(first) > small):
         return Layout(None), chain(first, tasks)
     if out == source:
         raise ManifestError(f"{out}: results would lie among the scans; give another folder, as {out / 'fitted'}.")

@@ -21,25 +21,33 @@ MAX_PICTURES = 200
 COLUMNS = ("scan", "status", "category", "model", "change", "error", "confidence", "warnings")
 
 
-def batch_report(folder: Path, source: Path | None = None, progress: Callable[[int, int], None] | None = None) -> str:
+def batch_report(
+    folder: Path,
+    source: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    max_rows: int = MAX_ROWS,
+    max_pictures: int = MAX_PICTURES,
+) -> str:
     """Return the page of the output folder of a batch.
 
     Args:
         source: folder of the scans, where failed ones are looked for; None draws none of these.
         progress: called with the pictures drawn and all of them.
+        max_rows, max_pictures: of larger batches failures and the least certain results are shown.
     """
     failures = list(_lines(folder / "failures.jsonl"))
     results = sorted(_lines(folder / "results.jsonl"), key=_confidence)
     rows = [_failed_row(one) for one in failures] + [_row(one) for one in results]
     figures = []
-    drawn = min(len(rows), MAX_PICTURES)
-    for number, one in enumerate((failures + results)[:MAX_PICTURES]):
+    drawn = min(len(rows), max_pictures)
+    for number, one in enumerate((failures + results)[:max_pictures]):
         if progress is not None:
             progress(number, drawn)
         figures.append(_figure(one, folder, source, failed=number < len(failures)))
     counts = f"{len(results)} scans have a CAD model, {len(failures)} failed."
-    if len(rows) > MAX_ROWS:
-        counts += f" The table lists {MAX_ROWS} of them; {folder / 'results.jsonl'} has all."
+    if len(rows) > max_rows:
+        counts += f" The table lists {max_rows} of them; {folder / 'results.jsonl'} has all."
     search = '<input id="search" type="search" placeholder="Find by name, category, model ..." aria-label="Find">'
     classes = ["failed"] * len(failures) + [""] * len(results)
     parts = [
@@ -47,7 +55,7 @@ def batch_report(folder: Path, source: Path | None = None, progress: Callable[[i
         tag("p", text_of(_summary(results)), class_="lead"),
         search,
         section("Contact sheet: failures first, then the least certain", tag("div", "".join(figures), class_="sheet")),
-        section("All scans", sortable(COLUMNS, rows[:MAX_ROWS], classes)),
+        section("All scans", sortable(COLUMNS, rows[:max_rows], classes)),
     ]
     return page(f"Batch {folder.name}", parts, ("sort.js",))
 

@@ -59,12 +59,12 @@ def color(*rgb: int) -> UInt8[np.ndarray, "1 3"]:
     return np.array([rgb], np.uint8)
 
 
-def viewer(shapes: Sequence[Shape], name: str = "scene") -> str:
-    """Return the HTML of a 3D view; nothing where there is nothing to see.
+def viewer(shapes: Sequence[Shape], max_triangles: int = MAX_TRIANGLES) -> str:
+    """Return the HTML of a 3D view, one a page; nothing where there is nothing to see.
 
-    `name`: unique in the page. Shapes are numbered as given: a button with `data-focus="K"` looks at shape K.
+    Shapes are numbered as given: a button with `data-focus="K"` looks at shape K.
     """
-    kept, left_out = _within_budget(shapes)
+    kept, left_out = _within_budget(shapes, max_triangles)
     every = [shape.vertices for shape in kept if len(shape.vertices)]
     if not every:
         return ""
@@ -81,19 +81,19 @@ def viewer(shapes: Sequence[Shape], name: str = "scene") -> str:
     hint = "Drag to turn, wheel to zoom, shift-drag to move, double-click to begin again."
     if left_out:
         hint += f" {left_out} meshes with too many triangles for a page are not shown."
-    canvas = tag("canvas", data_scene=f"data-{name}", aria_label="3D view")
-    script = f'<script type="application/json" id="data-{text_of(name)}">{data}</script>'
+    canvas = tag("canvas", data_scene="data-scene", aria_label="3D view")
+    script = f'<script type="application/json" id="data-scene">{data}</script>'
     return tag(
         "div", canvas + tag("div", class_="layers") + tag("p", text_of(hint), class_="lead") + script, class_="view"
     )
 
 
-def _within_budget(shapes: Sequence[Shape]) -> tuple[list[Shape], int]:
+def _within_budget(shapes: Sequence[Shape], max_triangles: int) -> tuple[list[Shape], int]:
     """Empty the meshes beyond the budget of triangles, so that numbers stay, and count them."""
     kept, total, left_out = [], 0, 0
     for shape in shapes:
         total += len(shape.faces)
-        if len(shape.faces) and total > MAX_TRIANGLES:
+        if len(shape.faces) and total > max_triangles:
             total -= len(shape.faces)
             left_out += 1
             kept.append(Shape(shape.layer, np.zeros((0, 3)), np.zeros((0, 3), np.int64), shape.colors[:1], shape.on))
