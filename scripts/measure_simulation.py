@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 
 from kpred.database import Database, Entry
-from kpred.exports import Export, Furniture, save_export
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export, Furniture
 from kpred.fitting import bundled_database_path
 from kpred.shapes.credit import Credit
 

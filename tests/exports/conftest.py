@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from kpred.exports import Export, Furniture
+from kpred.exports.furniture import Export, Furniture
 from kpred.ops.rotations import upright_rotation, yaw_rotation
 from kpred.shapes.appearance.read import read_mesh_appearance
 from kpred.shapes.credit import Credit

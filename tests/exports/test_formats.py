@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from kpred.errors import OutputError
-from kpred.exports import EXTENSIONS, Export, check_extension, save_export
-from kpred.exports.format_table import FORMATS
+from kpred.exports.format_table import EXTENSIONS, FORMATS, check_extension
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export
 
 
 def test_every_format_has_its_module_and_writes_a_file_of_its_suffix(chair: Export, tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from kpred.exports import Export, save_export
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export
 from kpred.shapes import read_mesh
 from kpred.shapes.formats.gltf_file import read_gltf_file
 

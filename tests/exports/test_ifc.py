@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kpred.exports import Export, save_export
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export
 
 ifcopenshell = pytest.importorskip("ifcopenshell")
 

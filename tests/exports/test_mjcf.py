@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import kpred
-from kpred.exports import Export, save_export
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from kpred.errors import OutputError
-from kpred.exports import Export, save_export
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export
 from kpred.shapes import read_mesh
 from kpred.shapes.mesh_io import read_geometry
 

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from kpred.exports import Export, save_export
+from kpred.exports.formats import save_export
+from kpred.exports.furniture import Export
 from kpred.shapes import read_mesh
 
 

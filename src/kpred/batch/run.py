@@ -205,7 +205,7 @@ def _worker_pool(ray: str | None, workers: int | None, settings: BatchSettings, 
 
 def _check_resources(settings: BatchSettings) -> None:
     """Check settings, model and database once, before the first scan."""
-    from kpred.exports import EXTENSIONS, check_extension
+    from kpred.exports.format_table import EXTENSIONS, check_extension
     from kpred.fitting.defaults import resolve_database, resolve_model, shared_categories
 
     if settings.mesh and settings.mesh not in EXTENSIONS:

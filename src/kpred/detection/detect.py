@@ -13,7 +13,7 @@ from kpred.detection.gravity import Gravity, find_directions
 from kpred.detection.networks import CATEGORIES, Detector, bundled_detector
 from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
 from kpred.detection.selection import select_proposals
-from kpred.ops.rotations import upright_rotation
+from kpred.ops.rotations import Y_TO_Z, upright_rotation
 from kpred.ops.typing import Float, Int
 
 MIN_SCORE = 0.4
@@ -32,8 +32,6 @@ MIN_POINTS = 64
 """Points of the scan that an object needs to be fitted."""
 
 BATCH = 32
-
-_Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +102,7 @@ def _detect_upright(
     """Find the furniture of a room whose up direction is known."""
     solid = np.where(np.isfinite(points).all(axis=1, keepdims=True), points, np.nan)
     origin = np.nanmedian(solid, axis=0)
-    to_upright = _Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
+    to_upright = Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
     room = prepare_room((solid - origin) @ to_upright.T * gravity.metres)
     proposals = sorted(propose_objects(room, networks.pairs), key=sorted)
     probability, quality = score_proposals(room, proposals, networks)

@@ -7,15 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from kpred.ops.rotations import Y_TO_Z
 from kpred.ops.typing import Float, Int
 from kpred.shapes.appearance.appearance import Appearance
 from kpred.shapes.credit import Credit
 
 WOOD = 600.0
 """Density of wood, kg per cubic metre."""
-
-Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Rotation from y up to z up."""
 
 FRONT_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rotation from y up, front +z to z up, front +x, as robots and simulations have it."""

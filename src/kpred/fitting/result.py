@@ -152,7 +152,7 @@ class Fit:
         return Credit(self.source.model_id, self.category, self.details, changes, facts)
 
     def save(self, path: str | os.PathLike[str], density: float = WOOD) -> list[Path]:
-        """Write the result in the format of the extension (`kpred.exports.EXTENSIONS`), and return the files.
+        """Write the result in the format of the extension (`kpred.exports.format_table`), and return the files.
 
         Args:
             density: kg per cubic metre, for simulations.

@@ -9,6 +9,9 @@ from kpred.ops.typing import Float
 
 UP_AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 
+Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Rotation from y up to z up."""
+
 
 def upright_rotation(up: str) -> Float[np.ndarray, "3 3"]:
     """Return the shortest rotation of the named axis to +y; for z up: (x, y, z) -> (x, z, -y).

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from kpred.ops.rotations import Y_TO_Z
 from kpred.synthetic.rooms.pack import RoomPack
-
-Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Rotation from y up to z up."""
 
 
 def upright_room(pack: RoomPack, index: int, yaw: float) -> tuple[np.ndarray, np.ndarray, slice]:
