@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from kpred.evaluation.methods.method import Query
 from kpred.evaluation.methods.sources import Sources
 from kpred.fitting import RefineConfig
 from kpred.peers.methods.cage_peers import KeypointDeformerMethod, NeuralCagesMethod
+from kpred.peers.methods.flow_peer import Descent, ShapeFlowMethod
 from kpred.peers.methods.peers import peer_method
 from kpred.peers.networks import PEERS, load_peers
 from kpred.shapes.pack import MeshPack
@@ -22,10 +24,14 @@ SHORT = ["--optimisation.steps", "3", "--optimisation.batch", "2", "--points", "
 NAMES = {"keypoint-deformer": "kd", "neural-cages": "nc", "uy2021": "uy", "u-red": "ur", "shapeflow": "sf"}
 
 
+OVER = ShapeFlowMethod.over
+
+
 @pytest.fixture(autouse=True)
 def short_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    """ShapeFlow looks for a target's code for a moment only."""
-    monkeypatch.setattr("kpred.peers.methods.flow_peer.STEPS", 3)
+    """ShapeFlow fits a target for a moment only."""
+    short = Descent(points=64, steps=3, tuning_steps=2)
+    monkeypatch.setattr(ShapeFlowMethod, "over", lambda method, sources: OVER(replace(method, descent=short), sources))
 
 
 @pytest.fixture(scope="module")

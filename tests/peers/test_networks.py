@@ -1,5 +1,7 @@
 """Laws of the peers' networks: what must not matter does not, what must be undone is undone."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
@@ -88,6 +90,16 @@ def test_points_flow_on_their_own(flow: ShapeFlow, clouds: Tensor) -> None:
     torch.testing.assert_close(flow.from_hub(clouds[1:], codes[1:]), whole[1:])
 
 
+def test_mirrored_points_flow_to_mirrored_places_and_none_crosses_the_middle(flow: ShapeFlow, clouds: Tensor) -> None:
+    codes, mirror = flow.code(flow.rows(("a", "b"))), torch.tensor([-1.0, 1.0, 1.0])
+    flown = flow.from_hub(clouds, codes)
+    torch.testing.assert_close(flow.from_hub(clouds * mirror, codes), flown * mirror)
+    assert (flown[..., 0] * clouds[..., 0] >= 0).all()
+    free = ShapeFlow(replace(flow.config, symmetric=False))
+    free.load_state_dict(flow.state_dict())
+    assert (free.from_hub(clouds * mirror, codes) - free.from_hub(clouds, codes) * mirror).abs().max() > 1e-3
+
+
 @pytest.fixture
 def boxes(clouds: Tensor) -> PartBoxes:
     """Three parts of each cloud, by height, among five."""
@@ -100,12 +112,16 @@ def test_attention_follows_the_order_of_parts_and_ignores_empty_ones(generator: 
     network = PartAttention(code_size=16, width=8, rounds=2, heads=2)
     source, target, parts = torch.randn(3, 16), torch.randn(3, 16), torch.randn(3, 6, 16)
     there = torch.tensor([[True] * 4 + [False] * 2] * 3)
-    motion = network(source, target, parts, there)
+
+    def motion_of(target: Tensor, parts: Tensor) -> Tensor:
+        return network(source, target, network.describe(parts, there), there)
+
+    motion = motion_of(target, parts)
     order = torch.tensor([2, 0, 3, 1, 4, 5])
-    torch.testing.assert_close(network(source, target, parts[:, order], there), motion[:, order], atol=1e-6, rtol=0)
+    torch.testing.assert_close(motion_of(target, parts[:, order]), motion[:, order], atol=1e-6, rtol=0)
     changed = torch.where(there[..., None], parts, 100.0)
-    torch.testing.assert_close(network(source, target, changed, there)[:, :4], motion[:, :4], atol=1e-6, rtol=0)
-    assert (network(source, target.flip(0), parts, there) - motion)[0].abs().max() > 1e-4 * STEP
+    torch.testing.assert_close(motion_of(target, changed)[:, :4], motion[:, :4], atol=1e-6, rtol=0)
+    assert (motion_of(target.flip(0), parts) - motion)[0].abs().max() > 1e-4 * STEP
 
 
 def test_part_codes_are_means_of_their_points(clouds: Tensor, boxes: PartBoxes) -> None:
@@ -127,6 +143,20 @@ def test_residuals_of_many_sources_are_those_of_each(clouds: Tensor) -> None:
     together = URed.score(branch.residual(features, own, codes, sphere))
     alone = [URed.score(branch.residual(features, own, code[None], sphere)) for code in codes]
     torch.testing.assert_close(together, torch.cat(alone))
+    # One decoding of the points serves all codes.
+    rows = torch.zeros(4, dtype=torch.long)
+    shared = URed.score(branch.residual(features, own.expand(4, -1), codes, sphere.expand(4, -1), rows=rows))
+    torch.testing.assert_close(shared, together)
+
+
+def test_the_branch_for_partial_targets_starts_as_that_for_whole_ones(clouds: Tensor) -> None:
+    torch.manual_seed(0)
+    network = URed(URedConfig(parts=5, width=8, rounds=1))
+    third = network.partial.residual.codes[2].weight.clone()
+    network.partial.start_from(network.whole)
+    torch.testing.assert_close(network.partial.encoder(clouds), network.whole.encoder(clouds))
+    # The point of the sphere is its own.
+    torch.testing.assert_close(network.partial.residual.codes[2].weight, third)
 
 
 def test_the_right_residual_costs_least(clouds: Tensor) -> None:

@@ -29,6 +29,7 @@ from kpred.peers.training.config import (
 )
 from kpred.peers.training.part_sources import read_part_sources
 from kpred.peers.training.run import keep, prepare_peer, train_peer
+from kpred.peers.training.standardise import standardise
 from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate
 from kpred.training.checkpoint import Checkpoint
@@ -158,6 +159,37 @@ def test_sources_need_names_of_their_own(packs: list[MeshPack], tmp_path: Path) 
         train_peer([*packs, *packs], *SMALL["shapeflow"], tmp_path)
     with pytest.raises(PackError, match="fewer than two shapes"):
         read_part_sources(packs, 8, 0, split="val")
+
+
+@pytest.mark.parametrize("peer", ["u-red", "uy2021"])
+def test_before_the_first_step_codes_tell_shapes_apart(peer: str, packs: list[MeshPack]) -> None:
+    """Else all sources are deformed to one mean shape: without a norm, every cloud has nearly the same maximum."""
+    model, config = SMALL[peer]
+    prepared = prepare_peer(packs, model, config)
+    stage = prepared.stage(config)
+    encoder = prepared.network.whole.encoder if peer == "u-red" else prepared.network.target_encoder
+    clouds = stage.data.clouds(stage.data.targets, 96, torch.Generator().manual_seed(0))
+
+    def apart() -> float:
+        codes = encoder(clouds).detach()
+        return float(codes.std(0).mean() / codes.norm(dim=1).mean())
+
+    before = apart()
+    stage.start()
+    assert apart() > 2 * before
+
+
+def test_layers_are_scaled_by_what_they_say(generator: torch.Generator) -> None:
+    first, second = torch.nn.Linear(4, 8), torch.nn.Linear(8, 5, bias=False)
+    data = 3 + 0.1 * torch.randn(500, 4, generator=generator)
+    standardise([first, second], lambda: second(first(data)))
+    said = first(data)
+    torch.testing.assert_close(said.mean(0), torch.zeros(8), atol=1e-4, rtol=0)
+    torch.testing.assert_close(said.std(0), torch.ones(8), atol=1e-3, rtol=0)
+    torch.testing.assert_close(second(said).std(0), torch.ones(5), atol=1e-3, rtol=0)
+    again = first.weight.clone()
+    first(100 * data)  # only once
+    assert torch.equal(first.weight, again)
 
 
 def test_training_needs_only_torch_numpy_and_safetensors() -> None:

@@ -92,8 +92,10 @@ def machine(threads: int) -> dict[str, Any]:
     """Return processor, cores, memory and threads of this machine."""
     from importlib.metadata import version
 
+    from kpred.evaluation.header import processor
+
     facts: dict[str, Any] = {
-        "processor": _processor(),
+        "processor": processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "threads": threads,
         "load_before": load(),
@@ -105,14 +107,3 @@ def machine(threads: int) -> dict[str, Any]:
     if hasattr(os, "sysconf"):
         facts["memory_gb"] = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
     return facts
-
-
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()

@@ -12,7 +12,7 @@ from typing import Any
 
 from kpred.errors import PackError
 from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, content_hash, counter
-from kpred.evaluation.header import provenance, versions
+from kpred.evaluation.header import processor, provenance, versions
 from kpred.evaluation.methods.kp_red import KpRedMethod
 from kpred.evaluation.methods.method import Method
 from kpred.evaluation.methods.no_learning import NoLearningMethod
@@ -110,6 +110,21 @@ def add_scores(
                 table.add(series, subject, value)
         if progress is not None:
             progress(f"{source.name}: {config.split}", done, len(pack.targets))
+    add_seconds(table, [scorer])
+
+
+def add_seconds(table: Table, scorers: Sequence[Scorer]) -> None:
+    """Put the mean time of each row, in seconds of the processor for one target, into a table's header."""
+    known = table.header.setdefault("processor_seconds", [])
+    rows = {(row["model"], row["method"]): row for row in known}
+    for scorer in scorers:
+        for (model, method), seconds in scorer.seconds.items():
+            if (model, method) not in rows:
+                rows[model, method] = {"model": model, "method": method, "n": 0, "mean": 0.0}
+                known.append(rows[model, method])
+            row, total = rows[model, method], sum(seconds)
+            row["mean"] = (row["mean"] * row["n"] + total) / (row["n"] + len(seconds))
+            row["n"] += len(seconds)
 
 
 def methods_of(models: Mapping[str, Model], config: TableConfig, report: Callable[[str], None]) -> list[Method]:
@@ -186,6 +201,7 @@ def header_of(
         ],
         "note": NOTE,
         "versions": versions(),
+        "machine": processor(),
     }
 
 

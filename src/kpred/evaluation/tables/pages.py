@@ -23,18 +23,22 @@ from kpred.evaluation.tables.page_parts import (
     short,
     shown,
 )
+from kpred.evaluation.tables.published import published_pages
 from kpred.evaluation.tables.ranking import CORRELATION, NEARLY_BEST, RANK, TRUE_BEST
 from kpred.evaluation.tables.scorer import UNDEFORMED
 from kpred.evaluation.tables.table import ALL, Series, Table
+from kpred.evaluation.tables.time_pages import time_pages
 
 NOTE = "note: means over the targets and 95 % bootstrap intervals; the paper's numbers are most likely 10^2 times these"
 
 
 def pages(table: Table) -> Iterator[Page]:
-    """Lay out a table by its kind, data set after data set."""
+    """Lay out a table by its kind, data set after data set; then what its rows cost."""
     layout = _LAYOUTS[str(table.header["table"])]
     for dataset in table.datasets():
         yield from layout(table, dataset)
+        yield from published_pages(table, dataset)
+    yield from time_pages(table)
 
 
 def ratio_pages(table: Table) -> Iterator[Page]:
@@ -63,6 +67,8 @@ def ratio_pages(table: Table) -> Iterator[Page]:
             against = f"{n} targets against {searched} models; {table.header['unit']}, {table.header['frame']}"
             yield Page(f"{dataset} / {category}: {against}", columns, rows)
         yield from cleanliness_pages(table, dataset, categories)
+        yield from published_pages(table, dataset)
+    yield from time_pages(table)
 
 
 def comparison_pages(found: Sequence[Comparison]) -> Iterator[Page]:

@@ -20,9 +20,9 @@ import numpy as np
 import torch
 
 from kpred.database import Database
-from kpred.errors import KpredError, ScanError
+from kpred.errors import ConfigError, KpredError, ScanError
 from kpred.evaluation.database_source import Progress, content_hash, counter, database_source
-from kpred.evaluation.header import provenance, versions
+from kpred.evaluation.header import processor, provenance, versions
 from kpred.evaluation.methods.method import Method
 from kpred.evaluation.methods.no_learning import NoLearningMethod
 from kpred.evaluation.methods.sources import Sources
@@ -32,7 +32,7 @@ from kpred.evaluation.remarks import Remarks
 from kpred.evaluation.scans.outcome import moved
 from kpred.evaluation.scans.scenes import ANNOTATIONS, annotated_mesh, annotated_rotation, scan_of
 from kpred.evaluation.tables.config import TableConfig
-from kpred.evaluation.tables.make_table import NOTE, loaded_models, methods_of
+from kpred.evaluation.tables.make_table import NOTE, add_seconds, loaded_models, methods_of
 from kpred.evaluation.tables.packs import Store, check_same_shapes, pack_files
 from kpred.evaluation.tables.scorer import FLOOR, PARTIAL, Condition, Scorer, check_names, prepare
 from kpred.evaluation.tables.table import Subject, Table
@@ -45,6 +45,7 @@ from kpred.ops import Frame, unit_box_frame
 from kpred.scenes.objects import SceneObject, objects_of
 from kpred.scenes.scan2cad import SceneAnnotation, read_annotations
 from kpred.scenes.scene import Scene, read_scene
+from kpred.shapes.pack import MeshPack
 
 ANNOTATED = "annotated_cad"
 MIN_POINTS = 64
@@ -58,30 +59,34 @@ def make_scan2cad_table(
     databases: Mapping[str, Store] | None = None,
     source: Sequence[str | os.PathLike[str]] = (),
     *,
+    methods: Sequence[Method] = (),
     cache: Path | None = None,
     progress: Progress | None = None,
     report: Callable[[str], None] = lambda sentence: None,
 ) -> Table:
-    """Measure models on the annotated objects of all scenes of folders laid out as Scan2CAD's repository.
+    """Measure models and other methods on the annotated objects of scenes in folders laid out as Scan2CAD's repository.
 
     Args:
         models: by the name that they have in the table; databases: of models that have one.
         source: packs whose split `source` the other models search; without them, the bundled database.
+        methods: others than this package's; they search the packs' split `source`, in the known frame.
         report: called with one sentence for each object or scene left out; the header keeps them as well.
 
     Raises:
         ScanError: annotations are missing or broken, or no object of a known category is left.
         ModelError, DatabaseError, PackError: what is searched is missing, or does not fit a model.
-        ConfigError: the databases of the models hold different shapes.
+        ConfigError: the databases of the models hold different shapes, or other methods have no packs to search.
     """
-    check_names(list(models))
+    check_names([*models, *(method.name for method in methods)])
+    if methods and not source:
+        raise ConfigError("Other methods search mesh packs, but none was given; give packs of the categories.")
     loaded, stores = loaded_models(models), dict(databases or {})
     remarks = Remarks(report)
     roots = [Path(folder) for folder in folders]
     for root in roots:
         read_annotations(root / ANNOTATIONS)
     files = pack_files(source) if source else []
-    table = Table(_header(loaded, roots, config) | {"remarks": remarks.sentences})
+    table = Table(_header(loaded, roots, config, methods) | {"remarks": remarks.sentences})
     with ExitStack() as stack:
         opened: dict[str, Database] = {}
         for name, model in loaded.items():
@@ -90,10 +95,12 @@ def make_scan2cad_table(
             searching = database_source(files, model, given, config.seed, building, remarks, cache=cache)
             opened[name] = stack.enter_context(searching)
         table.header["databases"] = {name: str(store.path) for name, store in opened.items()}
-        scorers = _Scorers(loaded, opened, config, remarks)
+        packs = {pack.category: pack for pack in map(MeshPack.load, files)} if methods else {}
+        scorers = _Scorers(loaded, opened, config, remarks, methods, packs)
         for root in roots:
             for annotation in _annotations(root, remarks):
                 _add_scene(table, root, annotation, scorers, progress, remarks)
+        add_seconds(table, scorers.made())
     if not table.values:
         raise ScanError(
             f"{roots[0]}: no annotated object of a known category could be measured; {' '.join(remarks.sentences)}"
@@ -101,17 +108,23 @@ def make_scan2cad_table(
     return table
 
 
-def _header(models: Mapping[str, Model], roots: Sequence[Path], config: TableConfig) -> dict[str, Any]:
+def _header(
+    models: Mapping[str, Model], roots: Sequence[Path], config: TableConfig, methods: Sequence[Method]
+) -> dict[str, Any]:
     return {
         "table": config.kind,
         "seed": config.seed,
         "unit": UNIT,
         "frame": FRAME,
-        "models": {name: provenance(model) for name, model in models.items()},
+        "models": {
+            **{name: provenance(model) for name, model in models.items()},
+            **{method.name: method.provenance for method in methods},
+        },
         "protocol": config.to_json(),
         "data": [{"dataset": root.resolve().name, "sha256": content_hash(root / ANNOTATIONS)} for root in roots],
         "note": NOTE,
         "versions": versions(),
+        "machine": processor(),
     }
 
 
@@ -138,16 +151,27 @@ class _Scorers:
         stores: Mapping[str, Database],
         config: TableConfig,
         report: Callable[[str], None],
+        methods: Sequence[Method],
+        packs: Mapping[str, MeshPack],
     ) -> None:
         self.models, self.stores, self.config, self.report = models, stores, config, report
+        self.methods, self.packs = list(methods), packs
         self._of: dict[str, Scorer] = {}
 
     def knows(self, category: str | None) -> bool:
-        """Decide whether all models and databases know a category."""
-        return category is not None and all(
-            category in model.categories and category in self.stores[name].categories()
-            for name, model in self.models.items()
+        """Decide whether all models, databases and packs know a category."""
+        return (
+            category is not None
+            and (not self.methods or category in self.packs)
+            and all(
+                category in model.categories and category in self.stores[name].categories()
+                for name, model in self.models.items()
+            )
         )
+
+    def made(self) -> list[Scorer]:
+        """List the scorers that were used."""
+        return list(self._of.values())
 
     def of(self, category: str) -> Scorer:
         """Return the scorer of a category; raises ConfigError where the databases differ."""
@@ -157,6 +181,9 @@ class _Scorers:
             first: list[Method] = [NoLearningMethod(self.config.refinement)]
             methods = methods_of(self.models, replace(self.config, unknown_frame=False), self.report)
             searchers = prepare([*first, *methods], sources)
+            if self.methods:  # parts are cut from meshes, which a database's sources lack
+                own = Sources.of_pack(self.packs[category], category, self.config.seed, lambda sentence: None)
+                searchers += prepare(self.methods, own)
             self._of[category] = Scorer(tuple(searchers), sources, self.config.numbers)
         return self._of[category]
 

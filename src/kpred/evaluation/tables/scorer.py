@@ -9,8 +9,9 @@ result alone (UCD), and, of the same result, from the whole surface. References 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 
@@ -57,12 +58,14 @@ class Scorer:
     Attributes:
         searchers: with the names of their models; references: sources of `undeformed_nearest`, None leaves references
             out; top_k, oracle: as in `Query`.
+        seconds: of the processor until a row's last result, one for each target, by model and method.
     """
 
     searchers: tuple[tuple[str, Searcher], ...]
     references: Sources | None
     top_k: tuple[int, ...]
     oracle: bool = False
+    seconds: dict[tuple[str, str], list[float]] = field(default_factory=dict)
 
     @torch.inference_mode()
     def score(
@@ -72,12 +75,25 @@ class Scorer:
         query = Query(target.model_id, cloud, condition.partial, self.top_k, self.oracle)
         found = [] if self.references is None else list(_references(query, target, self.references, condition))
         for model, searcher in self.searchers:
-            for prediction in searcher.predict(query):
+            spent: dict[str, float] = {}
+            for prediction, seconds in _timed(searcher.predict(query)):
+                spent[prediction.method] = seconds
                 found += [
                     (condition.series(model, prediction.method, metric), value)
                     for metric, value in measure(prediction, query, target)
                 ]
+            for method, seconds in spent.items():
+                self.seconds.setdefault((model, method), []).append(seconds)
         return found
+
+
+def _timed(predictions: Iterator[Prediction]) -> Iterator[tuple[Prediction, float]]:
+    """Yield each prediction with the processor's seconds that all so far have taken, but not what is done with them."""
+    spent, began = 0.0, time.process_time()
+    for prediction in predictions:
+        spent += time.process_time() - began
+        yield prediction, spent
+        began = time.process_time()
 
 
 def prepare(methods: list[Method], sources: Sources) -> list[tuple[str, Searcher]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -83,10 +84,18 @@ class _URed(PeerSearcher):
         )
         near = scores.amin(0).argsort(stable=True)[:top_k]
         boxes = self.boxes.take(near)
-        motion = branch.deformation(self.codes[near], own.expand(len(near), -1), self.parts[near], boxes.parts)
+        nodes = branch.deformation.describe(self.parts[near], boxes.parts)
+        motion = branch.deformation(self.codes[near], own.expand(len(near), -1), nodes, boxes.parts)
         deformed = boxes.moved(self.sources.points[near], motion)
         return self.named(near, deformed)
 
 
+_BOXES: WeakKeyDictionary[Sources, dict[int, PartBoxes]] = WeakKeyDictionary()
+"""Boxes of sources by their number of parts, while the sources are in use: several methods have the same."""
+
+
 def _boxes(sources: Sources, parts: int) -> PartBoxes:
-    return PartBoxes.stack([cut(item.mesh, item.vertices, item.points, parts) for item in sources.meshes])
+    known = _BOXES.setdefault(sources, {})
+    if parts not in known:
+        known[parts] = PartBoxes.stack([cut(item.mesh, item.vertices, item.points, parts) for item in sources.meshes])
+    return known[parts]

@@ -48,20 +48,27 @@ class PartAttention(nn.Module):
         self.between = nn.ModuleList([Messages(width, heads) for _ in range(rounds)])
         self.hidden, self.output = nn.Linear(3 * width, 256), nn.Linear(256, 6)
 
+    def describe(
+        self, part_codes: Float[Tensor, "batch parts size"], there: Bool[Tensor, "batch parts"]
+    ) -> Float[Tensor, "batch parts width"]:
+        """Return the parts' nodes after their first round among themselves, which no target changes."""
+        first, second = self.encode
+        parts = second(functional.leaky_relu(first(part_codes), 0.1))
+        described: Tensor = self.among[0](parts, parts, there)
+        return described
+
     def forward(
         self,
         sources: Float[Tensor, "batch size"],
         targets: Float[Tensor, "batch size"],
-        part_codes: Float[Tensor, "batch parts size"],
+        parts: Float[Tensor, "batch parts width"],
         there: Bool[Tensor, "batch parts"],
     ) -> Float[Tensor, "batch parts 6"]:
-        """Predict how each part moves and grows, before contacts are kept; undefined for empty parts."""
-        first, second = self.encode
-        parts = second(functional.leaky_relu(first(part_codes), 0.1))
+        """Predict how each part (`describe`) moves and grows, before contacts are kept; undefined for empty parts."""
         whole = torch.stack([self.source(sources), self.target(targets)], dim=1)
         both = there.new_ones(len(there), 2)
-        for among, between in zip(self.among, self.between, strict=True):
-            whole, parts = among(whole, whole, both), among(parts, parts, there)
+        for number, (among, between) in enumerate(zip(self.among, self.between, strict=True)):
+            whole, parts = among(whole, whole, both), among(parts, parts, there) if number else parts
             whole, parts = between(whole, parts, there), between(parts, whole, both)
         features = torch.cat([whole.flatten(1)[:, None].expand(-1, parts.shape[1], -1), parts], dim=2)
         motion: Tensor = STEP * self.output(functional.leaky_relu(self.hidden(features), 0.1))

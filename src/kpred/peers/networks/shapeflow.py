@@ -33,6 +33,7 @@ class ShapeFlowConfig(PlainConfig):
         sources: ids of all shapes that have a code, sources or targets of the training, in the order of the codes.
         code_size: of a shape's code; width: of the velocity's three layers.
         steps: Runge-Kutta steps (fourth order) between hub and shape.
+        symmetric: whether the flow is its own mirror image, left and right (x).
     """
 
     category: str = "chair"
@@ -40,6 +41,7 @@ class ShapeFlowConfig(PlainConfig):
     code_size: int = 64
     width: int = 128
     steps: int = 2
+    symmetric: bool = True
 
     def __post_init__(self) -> None:
         if min(self.code_size, self.width, self.steps) < 1:
@@ -79,11 +81,15 @@ class ShapeFlow(nn.Module):
         self, points: Float[Tensor, "batch points 3"], codes: Float[Tensor, "batch size"]
     ) -> Float[Tensor, "batch points 3"]:
         """Predict the velocity at each place under a code between hub and shape, before scaling."""
-        features = points.new_zeros(())
+        features, side = points.new_zeros(()), points[..., :1]
+        if self.config.symmetric:
+            points = torch.cat([side.abs(), points[..., 1:]], dim=-1)
         for layer, (place, code) in enumerate(zip(self.places, self.of_codes, strict=True)):
             known = place(points) + code(codes)[:, None]
             features = functional.elu(known if layer == 0 else known + self.mixing[layer - 1](features))
         found: Tensor = self.output(features)
+        if self.config.symmetric:  # nothing crosses the middle
+            found = torch.cat([side * found[..., :1], found[..., 1:]], dim=-1)
         return found
 
     def from_hub(

@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from kpred.errors import ConfigError
 from kpred.nn.plain_config import PlainConfig
-from kpred.ops.typing import Float
+from kpred.ops.typing import Float, Int
 from kpred.peers.networks.part_attention import PartAttention
 from kpred.peers.networks.part_boxes import PartBoxes
 from kpred.peers.networks.pointnet import POINT_FEATURES, PointNet
@@ -55,10 +55,19 @@ class PointDecoder(nn.Module):
         self.output = nn.Linear(32, 3)
 
     def forward(
-        self, features: Float[Tensor, "_ points 256"], *codes: Float[Tensor, "_ 256"]
+        self,
+        features: Float[Tensor, "_ points 256"],
+        *codes: Float[Tensor, "_ 256"],
+        rows: Int[Tensor, " _"] | None = None,
     ) -> Float[Tensor, "_ points 3"]:
-        """Decode numbers of each point; a batch of one is repeated for all codes."""
+        """Decode numbers of each point; a batch of one is repeated for all codes.
+
+        Args:
+            rows: of the features, which of them belong to each code; without it they are in the codes' order.
+        """
         mixed = self.point(features)
+        if rows is not None:
+            mixed = mixed[rows]
         for layer, code in zip(self.codes, codes, strict=True):
             mixed = mixed + layer(code)[:, None]
         for layer in self.later:
@@ -76,6 +85,10 @@ class Branch(nn.Module):
         self.deformation = PartAttention(POINT_FEATURES, config.width, config.rounds, config.heads)
         self.residual = PointDecoder(codes)
         self.reconstruction = PointDecoder(1)
+
+    def start_from(self, other: Branch) -> None:
+        """Take over the weights of another branch; codes that it does not know keep their own."""
+        self.load_state_dict(other.state_dict(), strict=False)
 
 
 class URed(nn.Module):

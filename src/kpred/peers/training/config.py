@@ -82,23 +82,32 @@ class URedTraining(PeerTraining):
     """Losses of U-RED, all as published but divided by 30.
 
     Attributes:
+        sources: of a step; each is deformed to each target of the batch (the publication has one for each target).
+        decoded_points: of a cloud, whose residuals and reconstruction are learned in a step.
         mirror_weight: of the Chamfer distance from the target to the mirrored result.
         consistency_weight: between the results for whole and partial targets.
         residual_weight: of the L1 error of the predicted residuals; a hundredth of it: of their own length.
         reconstruction_weight: of the clouds' reconstruction, by which the encoders are kept honest.
+        whole_fraction: of the steps that train the branch for whole targets. The others train that for partial ones,
+            which starts as its copy (the publication trains both at once, which takes twice the time).
         occlusion: least and greatest fraction of a target hidden from the branch for partial ones.
     """
 
+    sources: int = 8
+    decoded_points: int = 32
     mirror_weight: float = 1.0
     consistency_weight: float = 0.33
     residual_weight: float = 0.1
     reconstruction_weight: float = 1.0
+    whole_fraction: float = 0.75
     occlusion: tuple[float, float] = (0.25, 0.75)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0 <= self.occlusion[0] <= self.occlusion[1] < 1:
             raise ConfigError(f"Occlusion must be two fractions in [0, 1), low then high, but is {self.occlusion}.")
+        if min(self.sources, self.decoded_points) < 1 or not 0 < self.whole_fraction <= 1:
+            raise ConfigError("sources and decoded_points must be at least 1, whole_fraction above 0 and at most 1.")
 
 
 @dataclass(frozen=True)

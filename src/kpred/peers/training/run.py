@@ -136,6 +136,7 @@ def keep(prepared: Prepared, config: PeerTraining, folder: Path, steps: int | No
     save_peer(network, folder / "model")
     values: dict[str, Any] = {
         "peer": peer_name(network),
+        "category": network.config.category,
         "training": config.to_dict(),
         "shapes": prepared.shapes,
     }

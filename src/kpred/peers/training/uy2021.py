@@ -9,8 +9,12 @@ from kpred.ops import chamfer_distance
 from kpred.peers.networks.uy2021 import Uy2021
 from kpred.peers.training.config import Uy2021Training
 from kpred.peers.training.part_sources import PartSources
+from kpred.peers.training.standardise import hidden_layers, standardise
 from kpred.training.data import TrainingData
 from kpred.training.single_stage import SingleStage
+
+START_BATCH = 64
+"""Targets by which layers are scaled before the first step."""
 
 RETRIEVAL_POINTS = 512
 """Points of a target that the retrieval's encoder sees when it draws candidates from all sources."""
@@ -30,9 +34,19 @@ class Uy2021Stage(SingleStage[Uy2021Training]):
         self.network, self.data, self.sources, self.config = network, data, sources, config
         self.everyone = torch.arange(len(sources.model_ids), device=data.device)
 
+    def start(self) -> None:
+        """Scale the layers that see shapes."""
+        network = self.network
+        generator = torch.Generator(self.data.device).manual_seed(self.config.seed)
+        layers = hidden_layers(network.target_encoder, network.retrieval_encoder, network.decoder)
+        standardise(layers, lambda: self._losses(0, START_BATCH, generator))
+
     def losses(self, step: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Compute the loss terms of one batch of targets, each with several sources."""
-        config, network, batch = self.config, self.network, self.settings.batch
+        return self._losses(step, self.settings.batch, generator)
+
+    def _losses(self, step: int, batch: int, generator: torch.Generator) -> dict[str, Tensor]:
+        config, network = self.config, self.network
         target = self.data.draw_targets(batch, config.points, config.stretch, generator)
         rows = self._candidates(step, target, generator)
         flat, count = rows.flatten(), rows.shape[1]
