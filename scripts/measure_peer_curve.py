@@ -2,9 +2,10 @@
 
     python scripts/measure_peer_curve.py u-red PACKS/chair.npz -o RUN --steps 8000 --batch 16 --points 256 --every 500
 
-RUN/curve.csv has one row for each measurement: steps, seconds of the processor's time, the mean Chamfer distance (unit
-box squared) of targets of both splits, and that of their nearest undeformed source. The same command goes on where a
-stopped run was. Targets of `val` are only reported: nothing is chosen by them.
+RUN/curve.csv has one row for each measurement: steps, seconds of the processor's time, the mean deformation loss since
+the row before, the mean Chamfer distance (unit box squared) of targets of both splits, and that of their nearest
+undeformed source. The same command goes on where a stopped run was. Targets of `val` are only reported: nothing is
+chosen by them.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ TRAININGS: dict[str, type[PeerTraining]] = {
     "shapeflow": ShapeFlowTraining,
 }
 SPLITS = ("train", "val")
+DEFORMATION_LOSSES = ("similarity", "deformation")
 TOP_K = 10
 
 
@@ -88,13 +90,19 @@ def train(
     before = _measured_seconds(folder)
     began = time.process_time()
 
+    recent: list[float] = []
+
     def report(_stage: str, done: int, total: int, losses: dict[str, float]) -> None:
+        recent.append(losses[next(name for name in DEFORMATION_LOSSES if name in losses)])
         if done % every and done != total:
             return
         spent = before + time.process_time() - began
         errors = [measured(method, sources, some) for some in targets]
-        _append(folder / "curve.csv", [done, round(spent, 1), *(f"{value:.5f}" for pair in errors for value in pair)])
-        print(done, f"{spent:.0f} s", *(f"{value:.5f}" for pair in errors for value in pair), losses, flush=True)
+        numbers = [sum(recent) / len(recent), *(value for pair in errors for value in pair)]
+        recent.clear()
+        row = [str(done), f"{spent:.0f}", *(f"{value:.5f}" for value in numbers)]
+        _append(folder / "curve.csv", row)
+        print(*row, flush=True)
 
     run_peer(prepared, config, folder, report, log=False)
 
@@ -125,7 +133,7 @@ def _measured_seconds(folder: Path) -> float:
 
 def _append(file: Path, row: Sequence[Any]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    names = ["step", "seconds", *(f"{split}{kind}" for split in SPLITS for kind in ("", "_undeformed"))]
+    names = ["step", "seconds", "loss", *(f"{split}{kind}" for split in SPLITS for kind in ("", "_undeformed"))]
     fresh = not file.exists()
     with file.open("a", newline="") as stream:
         writer = csv.writer(stream)

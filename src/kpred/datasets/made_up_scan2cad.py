@@ -59,7 +59,7 @@ def write_made_up_scan2cad(folder: Path, scenes: int, seed: int = 0) -> MadeUp:
         ConfigError: there would be no scene.
     """
     if scenes < 1:
-        raise ConfigError(f"A layout needs at least one scene, but {scenes} were asked for.")
+        raise ConfigError(f"A layout needs at least one scene, but scenes = {scenes}.")
     random = np.random.default_rng(seed)
     models = {category: _write_models(folder, category, seed) for category in CATEGORIES}
     annotations, counts = [], {"objects": 0, "missing_scans": 0, "missing_models": 0, "others": 0}

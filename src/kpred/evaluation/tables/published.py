@@ -94,19 +94,19 @@ def published_pages(table: Table, dataset: str) -> Iterator[Page]:
     )
 
 
-def _method(made_by: Mapping[str, Any]) -> str | None:
+def _method(provenance: Mapping[str, Any]) -> str | None:
     """Name the paper's method that a row's networks are, by what they were made by; None for others."""
-    training = made_by.get("training")
+    training = provenance.get("training")
     if training:
         name = training[0].get("peer")
         return name if name in FULL else None
-    settings = [config.items() for config in made_by.get("settings", {}).values()]
+    settings = [config.items() for config in provenance.get("settings", {}).values()]
     is_kp_red = settings and all(item in config for config in settings for item in PRESETS[KP_RED].items())
     return KP_RED if is_kp_red else None
 
 
 def _is_the_papers(table: Table, series: Series) -> bool:
-    """Whether a series is measured from the surface that the paper measures from."""
+    """Decide whether a series is measured from the surface that the paper measures from."""
     # On Scan2CAD it measures from the annotated model.
     return series.metric.surface == (WHOLE if table.header["table"] == "scan2cad" else SEEN)
 

@@ -29,10 +29,10 @@ def time_pages(table: Table) -> Iterator[Page]:
         )
 
 
-def _steps(made_by: Mapping[str, Any]) -> str:
+def _steps(provenance: Mapping[str, Any]) -> str:
     """Write how many steps a peer was trained in each category, as its record says."""
     found = []
-    for record in made_by.get("training") or []:
+    for record in provenance.get("training") or []:
         stage = record["training"]["optimisation"]
         steps = record.get("stopped_after", stage["steps"])
         found.append(f"{record.get('category', '')} {steps} steps of {stage['batch']}".strip())
