@@ -101,7 +101,6 @@ class MeshPack:
         splits: Sequence[str],
         category: str,
         *,
-        anno_ids: Sequence[str] | None = None,
         part_names: Sequence[str] | None = None,
         extra: Mapping[str, np.ndarray] | None = None,
     ) -> MeshPack:
@@ -125,7 +124,7 @@ class MeshPack:
             vertex_offsets=_offsets([len(mesh.vertices) for mesh in meshes]),
             face_offsets=_offsets([len(mesh.faces) for mesh in meshes]),
             model_id=np.array(model_ids, dtype=str),
-            anno_id=np.full(len(meshes), "") if anno_ids is None else np.array(anno_ids, dtype=str),
+            anno_id=np.full(len(meshes), ""),
             split=np.array(splits, dtype=str),
             category=category,
             face_part=parts,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -57,17 +57,11 @@ class CatalogueReport:
     left_out: tuple[LeftOut, ...]
 
 
-def make_catalogue(
-    libraries: Sequence[Path],
-    folder: Path,
-    categories: Sequence[str] | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> CatalogueReport:
+def make_catalogue(libraries: Sequence[Path], folder: Path, categories: Sequence[str] | None = None) -> CatalogueReport:
     """Write the models of libraries (.sh3f), whose licence lets them be passed on, as a catalogue folder.
 
     Args:
         categories: write these alone; None writes all.
-        progress: called with the number of models that are done.
 
     Raises:
         MeshError: a library is missing or damaged; a damaged model is left out instead.
@@ -90,8 +84,6 @@ def make_catalogue(
                     rows.append(_write_model(folder, library, model, category, licence))
                 except MeshError as error:
                     left_out.append(LeftOut(model.key, str(error)))
-                if progress is not None:
-                    progress(len(rows) + len(left_out))
     rows.sort(key=lambda row: row["id"])
     _write(folder / "manifest.csv", _csv(rows))
     return CatalogueReport(folder, _counted(rows, "category"), _counted(rows, "licence"), tuple(left_out))

@@ -103,7 +103,7 @@ def _of_folder(folder: Path) -> Iterator[LabelledRoom]:
         yield LabelledRoom(folder.name, scene, np.where(instance > 0, instance, -1), categories)
 
 
-def true_objects(room: LabelledRoom, min_points: int = MIN_POINTS) -> dict[int, str]:
+def true_objects(room: LabelledRoom) -> dict[int, str]:
     """Return rows and categories of the objects that the scan shows, structure and clutter included."""
     counts = np.bincount(room.instance[room.instance >= 0], minlength=len(room.categories))
-    return {row: name for row, name in enumerate(room.categories) if counts[row] >= min_points}
+    return {row: name for row, name in enumerate(room.categories) if counts[row] >= MIN_POINTS}
