@@ -35,7 +35,7 @@ _MARKS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
     (b"\x1f\x8b", "a file that is compressed by gzip", (".gz",)),
     (b"Rar!", "a RAR archive", (".rar",)),
     (b"7z\xbc\xaf", "a 7z archive", (".7z",)),
-    (b"PK\x03\x04", "a ZIP archive", (".zip", ".npz", ".usdz", ".3mf")),
+    (b"PK\x03\x04", "a ZIP archive", (".zip", ".npz", ".usdz", ".3mf", ".sh3f")),
     (b"<!doctype html", "a web page", ()),
     (b"<html", "a web page", ()),
 )
