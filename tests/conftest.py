@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +17,12 @@ from jaxtyping import install_import_hook
 # Bytecode is kept, whatever the environment says: checked code takes long to compile, and programs are started often.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# A shell ignores these signals for what it runs in the background, and so would all programs that tests stop.
+for name, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    number = getattr(signal, name, None)  # Windows has no SIGHUP
+    if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 
 # What is imported within a hooked module is compiled from its source: libraries come before.
 for library in ("scipy.optimize", "scipy.spatial", "scipy.stats", "sqlalchemy", "trimesh", "huggingface_hub", "tyro"):
