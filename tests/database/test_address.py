@@ -45,11 +45,33 @@ def test_passwords_are_neither_shown_nor_stored(address: str, shown: str, stored
         ("postgresql://me:hunter2 hunter2@host/db", "postgresql://me:***@host/db"),
         ("host=h password=hunter2 dbname=x", "host=h password=*** dbname=x"),
         ("host=h password = 'hunter2 x' dbname=x", "host=h password = *** dbname=x"),
+        ("postgresql://h/db?pass%77ord=hunter2&x=1", "postgresql://h/db?pass%77ord=***&x=1"),
+        ("postgresql://h/db?%70ASSword=hunter2", "postgresql://h/db?%70ASSword=***"),
+        ("postgresql://h/db?%73%73%6c%70%61%73%73%77%6f%72%64=hunter2", None),
+        ("postgresql://h/db?password=hunter'2hunter", "postgresql://h/db?password=***"),
+        ("host=h password='hunter\\'2 hunter' dbname=x", "host=h password=*** dbname=x"),
+        (r"host=h password=a\ hunter2 dbname=x", "host=h password=*** dbname=x"),
+        ('{"database": "postgresql://h/db?password=hunter2"}', '{"database": "postgresql://h/db?password=***"}'),
+        ("PGPASSWORD=hunter2 kpred database info x", "PGPASSWORD=*** kpred database info x"),
+        ("oauth_client_secret=hunter2", "oauth_client_secret=***"),
+        ("machine h login me password hunter2", "machine h login me password ***"),
+        ("host:5432:db:me:hunter2", "host:5432:db:me:***"),
+        ("*:*:*:me:hunter2", "*:*:*:me:***"),
+        ("FATAL: password authentication failed for user me", "FATAL: password authentication failed for user me"),
+        ("a.py:12:5: error: x", "a.py:12:5: error: x"),
+        ("--cleaning.floor=False", "--cleaning.floor=False"),
         ("postgresql://host:5432/db: ask me@host", "postgresql://host:5432/db: ask me@host"),
     ],
 )
-def test_passwords_of_mistyped_addresses_are_masked(text: str, shown: str) -> None:
-    assert masked(text) == shown
+def test_passwords_of_mistyped_addresses_are_masked(text: str, shown: str | None) -> None:
+    assert masked(text) == shown if shown is not None else "hunter2" not in masked(text)
+    assert masked(masked(text)) == masked(text)
+
+
+@pytest.mark.parametrize("key", ["password", "pass%77ord", "%73slpassword", "PASSWORD"])
+def test_percent_encoded_passwords_are_not_stored(key: str) -> None:
+    assert without_password(f"postgresql://me@h/db?a=1&{key}=hunter2&b=2") == "postgresql://me@h/db?a=1&b=2"
+    assert without_password(f"postgresql://me@h/db?{key}=hunter2") == "postgresql://me@h/db"
 
 
 @pytest.mark.parametrize(
