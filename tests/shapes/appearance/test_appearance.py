@@ -319,3 +319,14 @@ def test_nodes_in_a_circle_are_one_sentence(textured_glb):
     with pytest.raises(MeshError, match="node") as failure:
         read_mesh_appearance(_changed(textured_glb, change))
     assert "\n" not in str(failure.value)
+
+
+def test_textures_that_are_too_large_are_left_out_with_a_warning(tmp_path, monkeypatch):
+    from kpred.shapes.appearance.companions import find_companion
+
+    (tmp_path / "big.png").write_bytes(bytes(2000))
+    monkeypatch.setattr("kpred.shapes.appearance.companions.MAX_BYTES", 2000)
+    assert find_companion(tmp_path / "a.obj", ["big.png"]) == ("big.png", bytes(2000))
+    monkeypatch.setattr("kpred.shapes.appearance.companions.MAX_BYTES", 1999)
+    with pytest.warns(UserWarning, match=r"a\.obj: its big\.png of 0 MB is too large and left out"):
+        assert find_companion(tmp_path / "a.obj", ["big.png"]) is None

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import unquote
 
 from kpred.shapes.reading import leads_outside
 
-MAX_BYTES = 1 << 26
-"""Larger files are left out."""
+MAX_BYTES = 1 << 27
+"""Larger files are left out, with a warning; a picture of 8192 x 8192 pixels takes some 60 MB."""
 
 
 def find_companion(mesh: Path, names: Iterable[str]) -> tuple[str, bytes] | None:
@@ -22,8 +23,12 @@ def find_companion(mesh: Path, names: Iterable[str]) -> tuple[str, bytes] | None
         # Absolute paths of another machine often end in the name of a file that is here.
         for file in (mesh.parent / relative, mesh.parent / relative.name):
             try:
-                if file.is_file() and file.stat().st_size <= MAX_BYTES and not leads_outside(file, mesh):
+                if not file.is_file() or leads_outside(file, mesh):
+                    continue
+                if file.stat().st_size <= MAX_BYTES:
                     return relative.name, file.read_bytes()
+                size = file.stat().st_size / 1e6
+                warnings.warn(f"{mesh}: its {relative.name} of {size:.0f} MB is too large and left out.", stacklevel=2)
             except OSError:
                 continue
     return None
