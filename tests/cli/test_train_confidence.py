@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from kpred.cli.main import FAILED, USAGE, main
-from kpred.nn import load_model
+from kpred.nn import Recognizer, RecognizerConfig, load_model, save_recognizer
 
 Run = Callable[..., Any]
 
@@ -43,6 +44,21 @@ def test_the_calibration_goes_into_the_models_folder(files: Path, folder: Path, 
     assert found.made_from["samples"] == 60
     assert found.made_from["packs"][0]["file"] == "table.npz"
     assert report["held_out"]["with odds"]["auc"] > 0.9
+
+
+def test_a_database_of_the_shared_recognizer_has_a_calibration_of_its_own(
+    files: Path, folder: Path, tmp_path: Path, run_json: Run
+) -> None:
+    torch.manual_seed(0)
+    save_recognizer(Recognizer(RecognizerConfig(("lamp", "table"), width=8)), folder / "recognizer_any")
+    samples = _samples(tmp_path / "samples.json")
+    line = ("train", "confidence", files / "table.npz", "--model", folder, "--samples", samples)
+    report = run_json(*line, "--database", files / "tables.kpred")
+    assert report["file"] == str(folder / "recognizer_any" / "calibration.json")
+    found = load_model(folder)
+    assert found.calibration is None
+    assert found.shared_calibration is not None
+    assert found.calibration_of(["table"]) == found.shared_calibration
 
 
 def test_new_samples_are_kept(files: Path, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

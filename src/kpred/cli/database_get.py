@@ -17,7 +17,7 @@ from kpred.cli.output import Output
 class GetCommand(EncodingCommand):
     """Make a database of human-made furniture and fixtures of Sweet Home 3D, in over 30 categories.
 
-    Chairs, tables and cabinets are found in it as they are; other categories are searched by `kpred fit --category`.
+    The category of a scan is found for 25 of them; others, such as loungers, are searched by `kpred fit --category`.
 
     The models come from Debian's package sweethome3d-furniture: the installed one, the file that --source names, or
     what apt downloads. They are under CC0 and CC BY 3.0; authors and licences are kept with each model, and stand in

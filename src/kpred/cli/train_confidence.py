@@ -25,7 +25,8 @@ class ConfidenceCommand(Command):
     Shapes of the packs are scanned virtually, with what crops of real rooms add and leave out: floor, pieces of
     neighbours, missing blocks, noise, uneven density. Each scan is fitted; a logistic regression then says how likely a
     result of such evidence is right. A pack of the category `other` (`kpred data generate other`) shows things that
-    are none of the model's categories. Take shapes that neither the training nor the database has seen.
+    are none of the model's categories. Take shapes that neither the training nor the database has seen. With a database
+    of more categories than `recognizer` knows, calibration.json goes beside `recognizer_any`, and serves such databases.
 
     examples:
       kpred train confidence chair.npz table.npz other.npz --model runs/mine/model --database mine.kpred
@@ -75,7 +76,7 @@ class ConfidenceCommand(Command):
         if self.room_packs:
             facts |= {"rooms": sources_of(self.room_packs), "crops": self.crops}
         calibration, held_out = calibrate(samples, facts | {"top_k": self.top_k})
-        file = save_calibration(calibration, self.model)
+        file = save_calibration(calibration, self._folder(model, self.model))
         right = sum(sample.right for sample in samples)
         output.result({"file": file, "calibration": calibration, "held_out": held_out, "remarks": remarks})
         for name, found in held_out.items():
@@ -88,6 +89,14 @@ class ConfidenceCommand(Command):
         for sentence in remarks[:10]:
             output.note(f"note: {sentence}")
         output.note(f"wrote {file} ({len(samples)} fits, {right} of them right)")
+
+    def _folder(self, model: Model, folder: Path) -> Path:
+        """Return where the calibration belongs: beside the recognizer that gave the evidence."""
+        from kpred.fitting.stages import Context
+        from kpred.nn.loading import SHARED_RECOGNIZER
+
+        used = None if self.database is None else Context.load(model, self.database, None).recognizer
+        return folder / SHARED_RECOGNIZER if used is not None and used is model.shared_recognizer else folder
 
     def _samples(self, model: Model, remarks: list[str]) -> list[CalibrationSample]:
         """Read the samples of the file, or draw new ones."""

@@ -87,8 +87,9 @@ class _ScanNetworkCommand(TrainingCommand):
 class RecognitionCommand(_ScanNetworkCommand):
     """Train the recognizer, which predicts category and yaw of a scan, on packs of all categories of a model.
 
-    Its weights go to FOLDER/model; as the folder `recognizer` beside the categories' folders of a model they are used.
-    A pack of the category `other` (`kpred data generate other`) shows what is none of them.
+    Its weights go to FOLDER/model; as the folder `recognizer` beside the categories' folders of a model they are used,
+    or as `recognizer_any` for databases of categories that `recognizer` does not know. A pack of the category `other`
+    (`kpred data generate other`) shows what is none of them. With --start-from, categories can be added and left out.
 
     examples:
       kpred train recognition chair.npz table.npz other.npz -o runs/recognizer

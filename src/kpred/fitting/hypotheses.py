@@ -99,15 +99,18 @@ def hypotheses(
     """
     found: list[Hypothesis] = []
     alone = len(readings) == 1
-    for category in dict.fromkeys(reading.category for reading in readings):
-        tried = [reading for reading in readings if reading.category == category]
-        network = search.model[category]
+    # Categories that share a network are encoded together.
+    for network in dict.fromkeys(search.model[reading.category] for reading in readings):
+        tried = [reading for reading in readings if search.model[reading.category] is network]
         frames, box_errors = _frames(points, tried, network, search, partial)
         clouds = _clouds(points, frames)
         encoding = encode_scan(clouds if alone else clouds[:, :SCREEN_POINTS], network, partial)
         count = search.retrieved if alone else search.top_k
-        candidates = [retrieve(encoding, row, search.database, category, count, partial) for row in range(len(tried))]
-        errors = [1.0] if alone else _screen(candidates)
+        candidates = [
+            retrieve(encoding, row, search.database, reading.category, count, partial)
+            for row, reading in enumerate(tried)
+        ]
+        errors = [1.0] if alone else _screen_by_category(candidates)
         for reading, read, frame, box_error, error in zip(tried, candidates, frames, box_errors, errors, strict=True):
             # Errors are compared in the scan's unit: boxes differ between readings.
             score = reading.log_odds - ERROR_WEIGHT * math.log(max(error * frame.scale**2, 1e-300))
@@ -179,6 +182,16 @@ def initial_frame(points: np.ndarray, reading: PoseHypothesis, known: bool) -> F
 
 def _clouds(points: np.ndarray, frames: Sequence[Frame]) -> Tensor:
     return torch.stack([torch.from_numpy(frame.to_unit(points)).float() for frame in frames])
+
+
+def _screen_by_category(readings: Sequence[Candidates]) -> list[float]:
+    """Screen the hypotheses of each category together; categories may have fewer models than are retrieved."""
+    errors = [0.0] * len(readings)
+    for category in dict.fromkeys(reading.category for reading in readings):
+        rows = [row for row, reading in enumerate(readings) if reading.category == category]
+        for row, error in zip(rows, _screen([readings[row] for row in rows]), strict=True):
+            errors[row] = error
+    return errors
 
 
 def _screen(readings: Sequence[Candidates]) -> list[float]:
