@@ -50,12 +50,14 @@ def test_a_database_of_the_shared_recognizer_has_a_calibration_of_its_own(
     files: Path, folder: Path, tmp_path: Path, run_json: Run
 ) -> None:
     torch.manual_seed(0)
-    save_recognizer(Recognizer(RecognizerConfig(("lamp", "table"), width=8)), folder / "recognizer_any")
+    several = tmp_path / "several"
+    shutil.copytree(folder, several / "table")
+    save_recognizer(Recognizer(RecognizerConfig(("lamp", "table"), width=8)), several / "recognizer_any")
     samples = _samples(tmp_path / "samples.json")
-    line = ("train", "confidence", files / "table.npz", "--model", folder, "--samples", samples)
+    line = ("train", "confidence", files / "table.npz", "--model", several, "--samples", samples)
     report = run_json(*line, "--database", files / "tables.kpred")
-    assert report["file"] == str(folder / "recognizer_any" / "calibration.json")
-    found = load_model(folder)
+    assert report["file"] == str(several / "recognizer_any" / "calibration.json")
+    found = load_model(several)
     assert found.calibration is None
     assert found.shared_calibration is not None
     assert found.calibration_of(["table"]) == found.shared_calibration
