@@ -26,7 +26,7 @@ class ConfidenceCommand(Command):
     neighbours, missing blocks, noise, uneven density. Each scan is fitted; a logistic regression then says how likely a
     result of such evidence is right. A pack of the category `other` (`kpred data generate other`) shows things that
     are none of the model's categories. Take shapes that neither the training nor the database has seen. With a database
-    of more categories than `recognizer` knows, calibration.json goes beside `recognizer_any`, and serves such databases.
+    of more categories than `recognizer` knows, calibration.json goes beside `recognizer_any`, for such databases.
 
     examples:
       kpred train confidence chair.npz table.npz other.npz --model runs/mine/model --database mine.kpred
