@@ -28,8 +28,18 @@ for name, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.
 for library in ("scipy.optimize", "scipy.spatial", "scipy.stats", "sqlalchemy", "trimesh", "huggingface_hub", "tyro"):
     import_module(library)
 
-# Must stand before the first import of kpred: every annotated function then checks its arguments and result.
-install_import_hook("kpred", "beartype.beartype")
+SOURCE = Path(__file__).resolve().parents[1] / "src"
+
+# Must stand before the first import of kpred: where arrays have shapes, each function then checks its arguments and
+# result. mypy checks all other types, and much faster.
+install_import_hook(
+    [
+        ".".join(file.relative_to(SOURCE).with_suffix("").parts)
+        for file in SOURCE.rglob("*.py")
+        if "from kpred.ops.typing import" in file.read_text(encoding="utf-8")
+    ],
+    "beartype.beartype",
+)
 
 from kpred.nn import Model, ModelConfig  # noqa: E402
 from kpred.training.run import new_network  # noqa: E402

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from kpred.ops.closest_point import closest_points
 from kpred.synthetic.cabinet.cabinet import CABINET_FAMILIES
 from kpred.synthetic.parts import Part, box
 from kpred.synthetic.table.table import TABLE_FAMILIES
@@ -43,25 +44,6 @@ def surface_points(part: Part, spacing: float) -> np.ndarray:
     return np.concatenate(points)
 
 
-def triangle_distance(point_set: np.ndarray, part: Part) -> float:
-    """Smallest distance from any of the points (N, 3) to the part's triangles."""
-    smallest = np.inf
-    for a, b, c in part.vertices[part.faces]:
-        edges = ((a, b), (b, c), (c, a))
-        for start, end in edges:
-            along = end - start
-            t = np.clip((point_set - start) @ along / (along @ along), 0, 1)
-            smallest = min(smallest, np.linalg.norm(point_set - start - t[:, None] * along, axis=1).min())
-        normal = np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal)
-        height = (point_set - a) @ normal
-        foot = point_set - height[:, None] * normal
-        inside = np.all([np.cross(end - start, foot - start) @ normal >= 0 for start, end in edges], axis=0)
-        if inside.any():
-            smallest = min(smallest, np.abs(height[inside]).min())
-    return float(smallest)
-
-
 def joined(a: Part, b: Part) -> bool:
     """Whether the surfaces of two parts come nearer than TOUCH."""
     low = np.maximum(a.vertices.min(axis=0), b.vertices.min(axis=0)) - TOUCH
@@ -71,7 +53,7 @@ def joined(a: Part, b: Part) -> bool:
     for one, other in ((a, b), (b, a)):
         points = surface_points(one, 0.05)
         near = points[np.all((points >= low - 0.05) & (points <= high + 0.05), axis=1)]
-        if len(near) and triangle_distance(near, other) <= TOUCH:
+        if len(near) and closest_points(near, other.vertices, other.faces)[0].min() <= TOUCH:
             return True
     fine_a, fine_b = surface_points(a, 0.012), surface_points(b, 0.012)
     fine_a = fine_a[np.all((fine_a >= low) & (fine_a <= high), axis=1)]
