@@ -34,7 +34,7 @@ VISIBILITY = VisibilityTraining(
 
 @pytest.fixture(scope="module")
 def rooms() -> RoomPack:
-    return generate_rooms(4, 8, scanner="mesh", points=20_000)
+    return generate_rooms(2, 8, scanner="mesh", points=20_000)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from kpred.synthetic.rooms.pack import RoomPack
 
 @pytest.fixture(scope="module")
 def rooms() -> RoomPack:
-    return generate_rooms(3, 8, scanner="mesh", points=15_000)
+    return generate_rooms(2, 8, scanner="mesh", points=15_000)
 
 
 @pytest.fixture(scope="module")
