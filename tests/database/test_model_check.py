@@ -17,8 +17,8 @@ from kpred.synthetic.generator import generate
 def shapes() -> list[Shape]:
     found = []
     for category in ("chair", "table", "cabinet"):
-        pack = generate(category, 4, seed=3, splits=False)
-        found += [Shape(f"{category}{i}", category, "source", pack[i]) for i in range(4)]
+        pack = generate(category, 3, seed=3, splits=False)
+        found += [Shape(f"{category}{i}", category, "source", pack[i]) for i in range(3)]
     return found
 
 
