@@ -1,8 +1,10 @@
 """The table of formats: unknown suffixes and missing libraries are refused before any work, in one sentence."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from kpred.errors import OutputError
@@ -37,4 +39,14 @@ def test_a_missing_library_names_its_extra(
     ):
         with pytest.raises(OutputError, match=rf"needs the package {module}; pip install 'kpred\[{extra}\]'\.$"):
             refuse()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_meshes_that_are_not_finite_are_never_written(chair: Export, tmp_path: Path, suffix: str) -> None:
+    vertices = chair.objects[0].vertices.copy()
+    vertices[5, 2] = np.inf
+    broken = replace(chair, objects=(replace(chair.objects[0], vertices=vertices), *chair.objects[1:]))
+    with pytest.raises(OutputError, match="NaN or infinite"):
+        save_export(broken, tmp_path / f"a{suffix}")
     assert not list(tmp_path.iterdir())
