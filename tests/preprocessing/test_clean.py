@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import trimesh
 from scipy.spatial import cKDTree
 
 from kpred.errors import ConfigError, ScanError
@@ -281,3 +282,16 @@ def test_real_crops_keep_their_object(shared_data: Path) -> None:
         result = clean_scan(points)
         assert result.object_points.mean() > 0.93, (path.name, result.steps)
         assert len(result.points) >= 2048
+
+
+@pytest.mark.parametrize("count", [4000, 40_000])
+@pytest.mark.parametrize("fraction", [0.05, 0.11, 0.2, 0.3])
+def test_many_strays_are_left_out_of_sparse_and_dense_scans(count: int, fraction: float) -> None:
+    rng = np.random.default_rng(3)
+    mesh = generate("chair", 1, seed=9)[0]
+    chair = trimesh.sample.sample_surface(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False), count, seed=2)[0]
+    low, high = chair.min(axis=0), chair.max(axis=0)
+    strays = rng.uniform(2 * low - high, 2 * high - low, size=(int(fraction * count), 3))
+    found = clean_scan(np.concatenate([chair, strays]), "y").object_points
+    assert found[:count].mean() > 0.995
+    assert found[count:].mean() < 0.03

@@ -9,7 +9,7 @@ import numpy as np
 
 from kpred.fitting.options import FitOptions
 from kpred.ops.typing import Float
-from kpred.preprocessing.clean import CleaningStep
+from kpred.preprocessing.clean import MANY_STRAYS, CleaningStep
 from kpred.preprocessing.invalid_points import invalid_points
 from kpred.preprocessing.outliers import neighbourhood, stray_points
 from kpred.preprocessing.room import looks_like_room
@@ -21,9 +21,6 @@ MAX_POINTS = 50_000
 
 SAMPLE = 2048
 """Points among which strays are looked for before the up axis is."""
-
-MANY_STRAYS = 0.03
-"""Fraction of strays above which they are left out before the up axis is found; up to it they do no harm."""
 
 
 @dataclass(frozen=True, eq=False)

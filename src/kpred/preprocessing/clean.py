@@ -20,6 +20,12 @@ from kpred.preprocessing.planes import find_end_patch
 WORKING_POINTS = 4500
 """Larger scans are represented by this many points, one for each cell of a grid."""
 
+MANY_STRAYS = 0.03
+"""Fraction of strays above which the rest is looked at anew without them."""
+
+FEW_MEMBERS, MANY_CELLS = 0.15, 0.2
+"""Cells with so few points, in means of all, and the fraction of such cells above which there may be many strays."""
+
 MAX_ABOVE_FLOOR = 0.1
 """Planes farther above the known floor, in sizes of the scan, are no floor."""
 
@@ -130,6 +136,11 @@ class _Cleaning:
         everything = np.ones(len(working), dtype=bool)
         near = neighbourhood(working)
         stray = stray_points(near, 1.0, self.config.outlier_ratio)
+        many = self._many_strays(stray, rows, cell) if self.config.outliers else None
+        if many is not None and self._remove("outliers", many, "very many strays"):
+            # Those that were left shielded each other, or thinned the surface out among the working points.
+            self.remove_surroundings()
+            return
         alive = ~stray if len(working) - stray.sum() >= MIN_POINTS else everything.copy()
         if self.config.outliers:
             self._remove("outliers", self._scan_mask(stray, rows, cell), "strays far from their neighbours")
@@ -150,6 +161,26 @@ class _Cleaning:
             fractions = self.config.speck_fraction, self.config.island_fraction
             island = island_points(working, near, alive, self.up, 1.0, *fractions)
             self._remove("islands", self._scan_mask(island, rows, cell), "small components far from the rest")
+
+    def _many_strays(self, stray: np.ndarray, rows: np.ndarray, cell: np.ndarray) -> np.ndarray | None:
+        """Return a mask (N,) of strays if there are many; None otherwise.
+
+        Working points stand for cells, of which strays fill more than surfaces do: where many cells hold few points,
+        all points are looked at.
+        """
+        if len(stray) == len(rows):
+            found = stray
+        else:
+            members = np.bincount(cell)
+            if np.mean(members <= max(1.0, FEW_MEMBERS * members.mean())) <= MANY_CELLS:
+                return None
+            points = self.points[rows] - self.points[rows].mean(axis=0)
+            found = stray_points(neighbourhood(points), _size(points), self.config.outlier_ratio)
+        if found.mean() <= MANY_STRAYS:
+            return None
+        result = np.zeros(len(self.points), dtype=bool)
+        result[rows[found]] = True
+        return result
 
     def _remove_room(
         self,
