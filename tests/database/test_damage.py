@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kpred.database import Database
-from kpred.database.arrays import DamagedArray, pack_array, unpack_array
+from kpred.database.arrays import DamagedArray, inflate, pack_array, unpack_array
 from kpred.errors import DatabaseError
 
 
@@ -90,4 +90,6 @@ def test_arrays_that_grow_beyond_their_shape_are_damaged() -> None:
     for shape in ("10,3", "1000001", "999999", "-1", "900000000000"):
         with pytest.raises(DamagedArray, match="are no <i4 array of shape"):
             unpack_array("<i4", shape, None, "shuffle-zlib", packed)
+    with pytest.raises(ValueError, match="268435457 bytes"):  # However well it is compressed.
+        inflate(packed, (1 << 28) + 1)
     assert not unpack_array("<i4", "1000000", None, "shuffle-zlib", packed).any()

@@ -283,6 +283,12 @@ def test_hostile_camera_files_are_refused(tmp_path: Path, text: str, name: str) 
             reader(tmp_path / name)
 
 
+def test_aliases_of_yaml_are_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("k: &k [290, 0, 159.5, 0, 291, 119.5, 0, 0, 1]\nother: *k\n")
+    with pytest.raises(ConfigError, match="aliases are not read"):
+        read_intrinsics_file(tmp_path / "a.yaml")
+
+
 # ---- poses
 
 

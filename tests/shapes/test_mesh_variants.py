@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from kpred.errors import MeshError
+from kpred.shapes.formats.polygon import triangulate
 from kpred.shapes.mesh_io import read_geometry, read_mesh
 from kpred.shapes.scan import read_scan
 
@@ -441,6 +442,21 @@ def test_meshopt(tmp_path):
     write_glb(tmp_path / "a.glb", content, bytes(len(data)))
     with pytest.raises(MeshError, match=r"a\.glb: its EXT_meshopt_compression data cannot be decoded"):
         read_mesh(tmp_path / "a.glb")
+    # What would grow too much is refused before it is decoded.
+    packed = content["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]
+    packed["count"] = 100_000_000
+    write_glb(tmp_path / "a.glb", content, data)
+    with pytest.raises(MeshError, match=r"a\.glb: its EXT_meshopt_compression data is damaged"):
+        read_mesh(tmp_path / "a.glb")
+
+
+def test_arrays_without_data_have_a_limit(tmp_path):
+    content = gltf(plain_accessors(), PLAIN)
+    del content["accessors"][0]["bufferView"]
+    content["accessors"][0]["count"] = (1 << 26) + 1
+    write_glb(tmp_path / "a.glb", content, PLAIN)
+    with pytest.raises(MeshError, match="has 67108865 entries and no data"):
+        read_geometry(tmp_path / "a.glb")
 
 
 @pytest.mark.parametrize(
@@ -473,6 +489,18 @@ def test_polygons_of_very_many_corners_are_cut_at_once(tmp_path):
     x, y = spiral.T
     wanted = 0.5 * abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
     assert read_mesh(tmp_path / "a.obj").area() == pytest.approx(wanted, rel=0.01)
+
+
+def test_many_polygons_of_many_corners_are_cut_as_fans_in_the_end():
+    """Clipping is quadratic at worst: after some polygons of a file, no more of them are clipped."""
+    angle = np.linspace(0, 2 * np.pi, 30_000, endpoint=False)
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    count = 3
+    faces, polygon = triangulate(
+        np.tile(ring, (count, 1)), np.arange(count * len(ring)), np.full(count, len(ring), dtype=np.int64)
+    )
+    fans = [(faces[polygon == number][:, 0] == number * len(ring)).all() for number in range(count)]
+    assert fans == [False, False, True]
 
 
 # ---- skins

@@ -152,6 +152,12 @@ def test_pcd(tmp_path, name):
     np.testing.assert_allclose(read_scan(tmp_path / "a.pcd"), CLOUD, atol=1e-6)
 
 
+def test_more_points_than_bytes_are_cut_short_before_one_is_read(tmp_path):
+    (tmp_path / "a.pcd").write_text(pcd("x y z", "ascii", POINTS="1000000000") + TEXT)
+    with pytest.raises(ScanError, match=r"cut short \(0 of 1000000000 points are there\)"):
+        read_scan(tmp_path / "a.pcd")
+
+
 # ---- numpy
 
 WITH_COLOURS = np.concatenate([CLOUD, np.ones((COUNT, 3))], axis=1)
