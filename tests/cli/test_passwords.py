@@ -1,12 +1,14 @@
 """Passwords in addresses of databases: no command prints them, whatever goes wrong."""
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from kpred.cli.main import FAILED, USAGE, main
+from kpred.errors import DatabaseError
 
 ADDRESSES = [
     "postgresql://me:hunter2@127.0.0.1:1/models",
@@ -89,3 +91,20 @@ def test_fit_many_names_what_it_left_out_and_fails_when_nothing_was_fitted(
     (scans / "few.xyz").unlink()
     said = refusal("fit-many", scans, "-o", tmp_path / "other", "--workers", "1")
     assert "there are no scans in it (it holds 1 .fls, 1 .rcp, 1 .skp)" in said
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, DatabaseError, OSError])
+def test_errors_warnings_and_tracebacks_of_any_kind_are_masked(
+    kind: type[Exception], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        warnings.warn(f"slow: {ADDRESSES[0]}", stacklevel=1)
+        raise kind(f"driver: no connection to {ADDRESSES[0]}")
+
+    monkeypatch.setattr("kpred.database.Database.open", fail)
+    for more in ([], ["--debug"]):
+        assert main(["database", "info", "mine.kpred", *more]) == FAILED
+        printed = capsys.readouterr().err
+        assert "slow: postgresql://me:***@127.0.0.1" in printed
+        assert "no connection to postgresql://me:***@127.0.0.1" in printed
+        assert "hunter2" not in printed
