@@ -286,12 +286,16 @@ def test_real_crops_keep_their_object(shared_data: Path) -> None:
 
 @pytest.mark.parametrize("count", [4000, 40_000])
 @pytest.mark.parametrize("fraction", [0.05, 0.11, 0.2, 0.3])
-def test_many_strays_are_left_out_of_sparse_and_dense_scans(count: int, fraction: float) -> None:
+@pytest.mark.parametrize("category", ["chair", "cabinet"])
+def test_many_strays_are_left_out_of_sparse_and_dense_scans(count: int, fraction: float, category: str) -> None:
     rng = np.random.default_rng(3)
-    mesh = generate("chair", 1, seed=9)[0]
+    mesh = generate(category, 1, seed=9)[0]
     chair = trimesh.sample.sample_surface(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False), count, seed=2)[0]
     low, high = chair.min(axis=0), chair.max(axis=0)
     strays = rng.uniform(2 * low - high, 2 * high - low, size=(int(fraction * count), 3))
     found = clean_scan(np.concatenate([chair, strays]), "y").object_points
+    # Within the box, and just outside, some lie as near to the surface as its own points do.
+    margin = 0.1 * np.linalg.norm(high - low)
+    outside = ((strays < low - margin) | (strays > high + margin)).any(axis=1)
     assert found[:count].mean() > 0.995
-    assert found[count:].mean() < 0.03
+    assert found[count:][outside].mean() < 0.005

@@ -14,7 +14,14 @@ from kpred.preprocessing.downsample import poisson_disc, voxel_representatives
 from kpred.preprocessing.floor_and_wall import RoomSurface, detect_floor, detect_wall, wall_directions
 from kpred.preprocessing.floor_in_box import detect_floor_in_box
 from kpred.preprocessing.normals import estimate_normals, orient_normals
-from kpred.preprocessing.outliers import Neighbourhood, duplicate_points, island_points, neighbourhood, stray_points
+from kpred.preprocessing.outliers import (
+    SPARSE_RATIO,
+    Neighbourhood,
+    duplicate_points,
+    island_points,
+    neighbourhood,
+    stray_points,
+)
 from kpred.preprocessing.planes import find_end_patch
 
 WORKING_POINTS = 4500
@@ -22,6 +29,9 @@ WORKING_POINTS = 4500
 
 MANY_STRAYS = 0.03
 """Fraction of strays above which the rest is looked at anew without them."""
+
+STRAY_RATIO = 4.0
+"""Minimum reach of a stray where there are many, in place of `SPARSE_RATIO`."""
 
 FEW_MEMBERS, MANY_CELLS = 0.15, 0.2
 """Cells with so few points, in means of all, and the fraction of such cells above which there may be many strays."""
@@ -114,6 +124,7 @@ class _Cleaning:
         self.kept = np.ones(len(points), dtype=bool)
         self.steps: list[CleaningStep] = []
         self.floor_height: float | None = None
+        self.sparse_ratio = SPARSE_RATIO
 
     def remove_duplicates(self) -> None:
         self._remove("duplicates", duplicate_points(self.points), "exact repeats of an earlier point")
@@ -135,10 +146,11 @@ class _Cleaning:
         working = (working - middle) / scale
         everything = np.ones(len(working), dtype=bool)
         near = neighbourhood(working)
-        stray = stray_points(near, 1.0, self.config.outlier_ratio)
+        stray = stray_points(near, 1.0, self.config.outlier_ratio, self.sparse_ratio)
         many = self._many_strays(stray, rows, cell) if self.config.outliers else None
         if many is not None and self._remove("outliers", many, "very many strays"):
             # Those that were left shielded each other, or thinned the surface out among the working points.
+            self.sparse_ratio = STRAY_RATIO
             self.remove_surroundings()
             return
         alive = ~stray if len(working) - stray.sum() >= MIN_POINTS else everything.copy()
@@ -175,7 +187,8 @@ class _Cleaning:
             if np.mean(members <= max(1.0, FEW_MEMBERS * members.mean())) <= MANY_CELLS:
                 return None
             points = self.points[rows] - self.points[rows].mean(axis=0)
-            found = stray_points(neighbourhood(points), _size(points), self.config.outlier_ratio)
+            near = neighbourhood(points)
+            found = stray_points(near, _size(points), self.config.outlier_ratio, self.sparse_ratio)
         if found.mean() <= MANY_STRAYS:
             return None
         result = np.zeros(len(self.points), dtype=bool)

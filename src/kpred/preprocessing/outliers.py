@@ -61,18 +61,21 @@ def neighbourhood(points: Float[np.ndarray, "points 3"]) -> Neighbourhood:
     return Neighbourhood(distance[:, 1:], index[:, 1:], reach, local)
 
 
-def stray_points(near: Neighbourhood, size: float, ratio: float) -> Bool[np.ndarray, " points"]:
+def stray_points(
+    near: Neighbourhood, size: float, ratio: float, sparse_ratio: float = SPARSE_RATIO
+) -> Bool[np.ndarray, " points"]:
     """Return a mask (N,) of points much farther from their neighbours than these are from theirs.
 
     Compared with the neighbours and not with the whole cloud, so that sparse surfaces stay. A point with nothing within
     a tenth of the scan's size, or in far sparser surroundings than most, as one of many strays, is also a stray.
 
     Args:
-        ratio: minimum reach of a stray, in multiples of the neighbours' reach.
+        ratio: minimum reach of a stray, in multiples of the neighbours' reach; sparse_ratio: of a large quantile of
+            all reaches.
     """
     usual = float(np.median(near.reach))
     against_neighbours = (near.reach > ratio * near.local) & (near.reach > 0.5 * ratio * usual)
-    against_most = near.reach > SPARSE_RATIO * float(np.quantile(near.reach, SPARSE_QUANTILE))
+    against_most = near.reach > sparse_ratio * float(np.quantile(near.reach, SPARSE_QUANTILE))
     return against_neighbours | against_most | ((near.reach > 0.1 * size) & (near.reach > 2 * ratio * usual))
 
 
