@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,8 +60,8 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=1e-3)
     parser.add_argument("--points", type=int, default=256, help="of each cloud in a step")
     parser.add_argument("--precision", choices=("float32", "bfloat16"), default="float32")
-    parser.add_argument("--network", nargs="*", default=[], metavar="NAME=NUMBER", help="settings of the network")
-    parser.add_argument("--training", nargs="*", default=[], metavar="NAME=NUMBER", help="settings of the training")
+    parser.add_argument("--network", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the network")
+    parser.add_argument("--training", nargs="*", default=[], metavar="NAME=VALUE", help="settings of the training")
     parser.add_argument("--every", type=int, default=500, help="steps between measurements")
     parser.add_argument("--count", type=int, default=24, help="targets of each split in a measurement")
     arguments = parser.parse_args()
@@ -68,10 +69,10 @@ def main() -> None:
         optimisation=StageConfig(arguments.steps, arguments.batch, arguments.rate),
         points=arguments.points,
         precision=arguments.precision,
-        **_numbers(arguments.training),
+        **_settings(arguments.training),
     )
     pack = MeshPack.load(arguments.pack)
-    prepared = prepare_peer([pack], PEERS[arguments.peer][1](**_numbers(arguments.network)), config)
+    prepared = prepare_peer([pack], PEERS[arguments.peer][1](**_settings(arguments.network)), config)
     with Sources.of_pack(pack, str(arguments.pack), 0, print) as sources:
         targets = [read_targets(pack, str(arguments.pack), split, arguments.count, 0, print) for split in SPLITS]
         train(prepared, config, arguments.output, sources, targets, arguments.every)
@@ -119,9 +120,9 @@ def measured(method: Any, sources: Sources, targets: Sequence[Target]) -> tuple[
     return found, undeformed
 
 
-def _numbers(given: Sequence[str]) -> dict[str, float | int]:
+def _settings(given: Sequence[str]) -> dict[str, Any]:
     pairs = [one.split("=", 1) for one in given]
-    return {name: int(value) if value.lstrip("-").isdigit() else float(value) for name, value in pairs}
+    return {name: json.loads(value) for name, value in pairs}
 
 
 def _measured_seconds(folder: Path) -> float:

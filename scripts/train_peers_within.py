@@ -39,7 +39,7 @@ SETTINGS: dict[str, PeerTraining] = {
     "keypoint-deformer": KeypointDeformerTraining(optimisation=StageConfig(batch=32), checkpoint_every=NEVER),
     "neural-cages": NeuralCagesTraining(optimisation=StageConfig(batch=16), checkpoint_every=NEVER),
     "uy2021": Uy2021Training(optimisation=StageConfig(batch=16), points=512, checkpoint_every=NEVER),
-    "u-red": URedTraining(optimisation=StageConfig(batch=64), points=512, checkpoint_every=NEVER),
+    "u-red": URedTraining(optimisation=StageConfig(batch=32), points=512, checkpoint_every=NEVER),
     "shapeflow": ShapeFlowTraining(optimisation=StageConfig(batch=32), checkpoint_every=NEVER),
 }
 """Batches that a GPU takes about as fast as smaller ones."""

@@ -20,6 +20,10 @@ from kpred.nn.plain_config import PlainConfig
 from kpred.ops.typing import Float, Int
 from kpred.peers.networks.known_shapes import CODE_RATE, known_rows
 
+FAR = 1.5
+"""Beyond this distance from the middle the velocity away from it grows no faster than the distance: else a point that
+leaves the unit box is at infinity in no time."""
+
 CODE_SPREAD = 0.1
 """Standard deviation of the codes before training."""
 
@@ -40,7 +44,7 @@ class ShapeFlowConfig(PlainConfig):
     sources: tuple[str, ...] = ()
     code_size: int = 64
     width: int = 128
-    steps: int = 2
+    steps: int = 4
     symmetric: bool = True
 
     def __post_init__(self) -> None:
@@ -89,7 +93,7 @@ class ShapeFlow(nn.Module):
             features = functional.elu(known if layer == 0 else known + self.mixing[layer - 1](features))
         found: Tensor = self.output(features)
         if self.config.symmetric:  # nothing crosses the middle
-            found = torch.cat([side * found[..., :1], found[..., 1:]], dim=-1)
+            found = torch.cat([side.clamp(-FAR, FAR) * found[..., :1], found[..., 1:]], dim=-1)
         return found
 
     def from_hub(

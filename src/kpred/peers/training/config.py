@@ -54,7 +54,19 @@ class NeuralCagesTraining(PeerTraining):
 
 
 @dataclass(frozen=True)
-class Uy2021Training(PeerTraining):
+class PartsTraining(PeerTraining):
+    """What the trainings of methods of parts share.
+
+    Attributes:
+        scaled_start: whether layers are scaled by what they say of real data before the first step
+            (`kpred.peers.training.standardise`), in place of the published batch normalisation.
+    """
+
+    scaled_start: bool = True
+
+
+@dataclass(frozen=True)
+class Uy2021Training(PartsTraining):
     """Losses of Uy et al. 2021.
 
     Attributes:
@@ -78,7 +90,7 @@ class Uy2021Training(PeerTraining):
 
 
 @dataclass(frozen=True)
-class URedTraining(PeerTraining):
+class URedTraining(PartsTraining):
     """Losses of U-RED, all as published but divided by 30.
 
     Attributes:

@@ -57,6 +57,8 @@ class URedStage(SingleStage[URedTraining]):
 
     def start(self) -> None:
         """Scale the layers that see shapes; those of the attention itself stay as they are."""
+        if not self.config.scaled_start:
+            return
         network, whole = self.network, self.network.whole
         attention = whole.deformation
         layers = hidden_layers(

@@ -36,6 +36,8 @@ class Uy2021Stage(SingleStage[Uy2021Training]):
 
     def start(self) -> None:
         """Scale the layers that see shapes."""
+        if not self.config.scaled_start:
+            return
         network = self.network
         generator = torch.Generator(self.data.device).manual_seed(self.config.seed)
         layers = hidden_layers(network.target_encoder, network.retrieval_encoder, network.decoder)
