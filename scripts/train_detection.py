@@ -24,21 +24,21 @@ from torch.nn import functional
 
 from kpred.detection.crops import OWN_POINTS, proposal_crops
 from kpred.detection.networks import CATEGORIES, Detector
-from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
+from kpred.detection.propose import PreparedRoom, pair_odds, prepare_room, propose_objects, room_links
 from kpred.evaluation.rooms.virtual import room_rotation, upright_room
 from kpred.synthetic.rooms.pack import RoomPack
 
 MIN_SEEN = 60
 """Voxels of an object that must be seen for a proposal to be for it."""
 
-KEPT = 70
-"""Proposals a room: all that meet an object, then random ones."""
+MEETING, OTHERS = 70, 60
+"""Proposals a room that meet an object, and that do not, drawn at random."""
 
 RIGHT, WRONG = 0.5, 0.35
 """IoU of a proposal from which it has its object's category, and below which it has none."""
 
 
-NAMES = ("clouds", "amount", "iou", "category")
+NAMES = ("clouds", "facts", "iou", "category")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +145,10 @@ def train_pairs(detector: Detector, rooms: list[Labelled], epochs: int, fresh: b
 
 @dataclass(frozen=True, eq=False)
 class Examples:
-    """Clouds of proposals (P, points, channels) and amounts (P,), their best IoU (P,) and category (P,)."""
+    """Clouds of proposals (P, points, channels) and facts (P, facts), their best IoU (P,) and category (P,)."""
 
     clouds: Tensor
-    amount: Tensor
+    facts: Tensor
     iou: Tensor
     category: Tensor
 
@@ -158,13 +158,18 @@ def examples(detector: Detector, rooms: list[Labelled]) -> Examples:
     parts = []
     for number, one in enumerate(rooms):
         rng = np.random.default_rng([number, 3])
-        proposals = sorted(propose_objects(one.room, detector.pairs), key=sorted)
+        odds = pair_odds(one.room, detector.pairs)
+        proposals = sorted(propose_objects(one.room, odds), key=sorted)
         iou, names = one.overlaps(proposals)
-        rank = np.where(iou > 0.2, rng.random(len(iou)), 1.0 + rng.random(len(iou)))
-        rows = np.argsort(rank)[:KEPT]
-        clouds, amount = proposal_crops(one.room.voxels, [proposals[row] for row in rows], number)
-        category = np.array([CATEGORIES.index(name) if name in CATEGORIES else -1 for name in names[rows]])
-        parts.append((clouds.astype(np.float16), amount, iou[rows], category))
+        order = rng.permutation(len(iou))
+        meets = iou[order] > 0.2
+        rows = np.concatenate([order[meets][:MEETING], order[~meets][:OTHERS]])
+        links = room_links(one.room, odds)
+        clouds, facts = proposal_crops(one.room.voxels, links, [proposals[row] for row in rows], number)
+        category = np.array(
+            [CATEGORIES.index(name) if name in CATEGORIES else -1 for name in names[rows]], dtype=np.int64
+        )
+        parts.append((clouds.astype(np.float16), facts, iou[rows], category))
     joined = [torch.from_numpy(np.concatenate(column)) for column in zip(*parts, strict=True)]
     return Examples(joined[0], joined[1].float(), joined[2].float(), joined[3])
 
@@ -178,7 +183,7 @@ def train_proposals(detector: Detector, data: Examples, seconds: float, output: 
         for group in optimizer.param_groups:
             group["lr"] = rate * min(1.0, step / 100) * (1.0 - done) ** 1.2
         rows = torch.randint(len(data.iou), (batch,))
-        logits, quality = network(varied(data.clouds[rows].float()), data.amount[rows])
+        logits, quality = network(varied(data.clouds[rows].float()), varied_facts(data.facts[rows]))
         iou = data.iou[rows]
         target = torch.where((iou >= RIGHT) & (data.category[rows] >= 0), data.category[rows], len(CATEGORIES))
         certain = (iou >= RIGHT) | (iou < WRONG)
@@ -198,9 +203,9 @@ def train_proposals(detector: Detector, data: Examples, seconds: float, output: 
 
 
 def varied(clouds: Tensor) -> Tensor:
-    """Turn, mirror, stretch and jitter clouds about the up axis, and drop points."""
+    """Turn by quarters and a little, mirror, stretch and jitter clouds about the up axis, and drop points."""
     count = len(clouds)
-    angle = torch.rand(count) * 2 * torch.pi
+    angle = torch.randint(0, 4, (count,)) * (torch.pi / 2) + 0.12 * torch.randn(count)
     cosine, sine = angle.cos(), angle.sin()
     flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
     turn = torch.stack([torch.stack([cosine, -sine * flip], 1), torch.stack([sine, cosine * flip], 1)], 1)
@@ -209,10 +214,19 @@ def varied(clouds: Tensor) -> Tensor:
     height = clouds[:, :, 2:3] * (0.94 + 0.12 * torch.rand(count, 1, 1))
     place = torch.cat([plan, height], dim=2)
     place = place + 0.008 * torch.randn_like(place)
-    changed = torch.cat([place, clouds[:, :, 3:]], dim=2)
+    twice = torch.stack([(2 * angle).cos(), (2 * angle).sin()], 1)[:, None]
+    a, b = clouds[:, :, 7], clouds[:, :, 8] * flip[:, None]
+    facing = torch.stack([twice[..., 0] * a - twice[..., 1] * b, twice[..., 1] * a + twice[..., 0] * b], dim=2)
+    bond = (clouds[:, :, 9:] + 0.15 * torch.randn(count, clouds.shape[1], 1) * (clouds[:, :, 9:] != 0)).clamp(-1.0, 1.0)
+    changed = torch.cat([place, clouds[:, :, 3:7], facing, bond], dim=2)
     kept = torch.rand(count, clouds.shape[1], 1) > 0.3 * torch.rand(count, 1, 1)
     first = torch.cat([changed[:, :1].expand(-1, OWN_POINTS, -1), changed[:, OWN_POINTS:]], dim=1)
     return torch.where(kept, changed, first)
+
+
+def varied_facts(facts: Tensor) -> Tensor:
+    """Jitter facts of proposals."""
+    return facts + 0.04 * torch.randn_like(facts)
 
 
 def main() -> None:

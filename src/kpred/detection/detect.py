@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from kpred.detection.crops import proposal_crops
+from kpred.detection.crops import proposal_crops, turned_clouds
 from kpred.detection.gravity import Gravity, find_directions
+from kpred.detection.links import Links
 from kpred.detection.networks import CATEGORIES, Detector, bundled_detector
-from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
+from kpred.detection.propose import PreparedRoom, pair_odds, prepare_room, propose_objects, room_links
 from kpred.detection.selection import select_proposals
 from kpred.ops.rotations import Y_TO_Z, upright_rotation
 from kpred.ops.typing import Float, Int
@@ -21,9 +22,6 @@ MIN_SCORE = 0.4
 
 MARGIN = 0.8
 """Proposals are selected by a first score down to this fraction of the least one, and then scored again."""
-
-QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
-"""(cosine, sine) of quarter turns."""
 
 SURE = 0.4
 """Objects above this score speak for an up direction, where there are two."""
@@ -104,12 +102,14 @@ def _detect_upright(
     origin = np.nanmedian(solid, axis=0)
     to_upright = Y_TO_Z @ upright_rotation(gravity.axis) @ gravity.rotation
     room = prepare_room((solid - origin) @ to_upright.T * gravity.metres)
-    proposals = sorted(propose_objects(room, networks.pairs), key=sorted)
-    probability, quality = score_proposals(room, proposals, networks)
+    odds = pair_odds(room, networks.pairs) if room.pieces is not None else np.zeros(0)
+    links = room_links(room, odds)
+    proposals = sorted(propose_objects(room, odds), key=sorted)
+    probability, quality = score_proposals(room, links, proposals, networks)
     chosen = select_proposals(
         room, proposals, probability[:, :-1].max(axis=1, initial=0.0) * quality, MARGIN * min_score
     )
-    probability, quality = score_proposals(room, [pieces for _, pieces in chosen], networks, turns=4)
+    probability, quality = score_proposals(room, links, [pieces for _, pieces in chosen], networks, turns=4)
     objects = []
     for (_, pieces), chances, overlap in zip(chosen, probability, quality, strict=True):
         rows = _points_of(room, pieces)
@@ -129,7 +129,7 @@ def _detect_upright(
 
 
 def score_proposals(
-    room: PreparedRoom, proposals: Sequence[frozenset[int]], detector: Detector, turns: int = 1
+    room: PreparedRoom, links: Links, proposals: Sequence[frozenset[int]], detector: Detector, turns: int = 1
 ) -> tuple[Float[np.ndarray, "proposals answers"], Float[np.ndarray, " proposals"]]:
     """Predict probabilities of the categories and, last, of none; and the IoU with one object, of each proposal.
 
@@ -140,14 +140,12 @@ def score_proposals(
         return np.zeros((0, len(CATEGORIES) + 1)), np.zeros(0)
     total = np.zeros((len(proposals), len(CATEGORIES) + 2))
     for turn in range(turns):
-        clouds, amount = (torch.from_numpy(array).float() for array in proposal_crops(room.voxels, proposals, turn))
-        cosine, sine = QUARTERS[turn % 4]
-        x, y = clouds[:, :, 0].clone(), clouds[:, :, 1].clone()
-        clouds[:, :, 0], clouds[:, :, 1] = cosine * x - sine * y, sine * x + cosine * y
+        clouds, facts = proposal_crops(room.voxels, links, proposals, turn)
+        parts = torch.from_numpy(turned_clouds(clouds, turn)).split(BATCH), torch.from_numpy(facts).split(BATCH)
         answers = []
         with torch.inference_mode():
-            for part, log_count in zip(clouds.split(BATCH), amount.split(BATCH), strict=True):
-                logits, quality = detector.proposals(part, log_count)
+            for part, whole in zip(*parts, strict=True):
+                logits, quality = detector.proposals(part, whole)
                 answers.append(torch.cat([logits.softmax(dim=1), quality.sigmoid()[:, None]], dim=1))
         total += torch.cat(answers).double().numpy() / turns
     return total[:, :-1], total[:, -1]

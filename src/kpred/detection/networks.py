@@ -18,8 +18,13 @@ from kpred.ops.typing import Float
 
 CATEGORIES = ("chair", "table", "cabinet")
 
-CHANNELS = 7
-"""Of a point: x, y, height (metres), own, structure, squared vertical part of its normal, height in the box."""
+CHANNELS = 10
+"""Of a point: x, y, height (metres), own, structure, squared vertical part of its normal, height in the box, cosine and
+sine part of its normal in plan, affinity of its piece.
+"""
+
+FACTS = 10
+"""Of a proposal: amount, sides, lower and upper end, area and cells to the area of its box, affinities."""
 
 WIDTH = 48
 
@@ -49,16 +54,16 @@ class ProposalNetwork(nn.Module):
         self.local = nn.ModuleList([nn.Linear(CHANNELS, WIDTH), nn.Linear(WIDTH, WIDTH)])
         self.context = ContextBlock(WIDTH)
         self.wide = nn.Linear(WIDTH, 2 * WIDTH)
-        self.shape = nn.ModuleList([nn.Linear(6 * WIDTH + 1, 2 * WIDTH), nn.Linear(2 * WIDTH, WIDTH)])
+        self.shape = nn.ModuleList([nn.Linear(6 * WIDTH + FACTS, 2 * WIDTH), nn.Linear(2 * WIDTH, WIDTH)])
         self.output = nn.Linear(WIDTH, len(CATEGORIES) + 2)
 
     def forward(
-        self, points: Float[Tensor, "batch points channels"], amount: Float[Tensor, " batch"]
+        self, points: Float[Tensor, "batch points channels"], facts: Float[Tensor, "batch facts"]
     ) -> tuple[Float[Tensor, "batch answers"], Float[Tensor, " batch"]]:
         """Predict logits of the categories and, last, of none; and the logit of the IoU with the object.
 
         Args:
-            points: channel 3 is 1 for own points; amount: logarithm of the number of own voxels.
+            points: channel 3 is 1 for own points; facts: of the whole proposal (`crops.proposal_crops`).
         """
         hidden = points
         for layer in self.local:
@@ -70,7 +75,7 @@ class ProposalNetwork(nn.Module):
             (hidden * own).sum(1) / own.sum(1).clamp(min=1.0),
             (hidden - 1e3 * own).amax(1).clamp(min=-1.0),
         ]
-        shape = torch.cat([*pools, amount[:, None] / 5 - 1], dim=1)
+        shape = torch.cat([*pools, facts], dim=1)
         for layer in self.shape:
             shape = functional.leaky_relu(layer(shape), 0.1)
         answers = self.output(shape)

@@ -19,6 +19,9 @@ MIN_VOXELS = 60
 RADII = (0.05, 0.09)
 """Metres: pieces nearer than this are also joined without regard to their shape."""
 
+VARIANTS, DOUBT = 4, 1.0
+"""Further trees, and the standard deviation of the noise on their log-odds: the networks' odds are not certain."""
+
 BANDS = ((0.08, 1.1), (0.08, 0.66), (0.3, 1.3))
 """Metres: pieces in these heights alone are joined too, which parts chairs from the table above them."""
 
@@ -35,8 +38,11 @@ def merge_trees(
         odds: log-odds that a pair is of one object; contact: how the pairs touch (`touching`).
     """
     found: set[frozenset[int]] = {frozenset([piece]) for piece in range(len(pieces.sizes))}
-    found |= set(_agglomerate(len(pieces.sizes), pairs, odds, np.exp(contact[:, 0])))
-    found |= set(_agglomerate(len(pieces.sizes), pairs, odds, np.ones(len(pairs))))
+    weights = np.exp(contact[:, 0]), np.ones(len(pairs))
+    rng = np.random.default_rng(0)
+    for number in range(len(weights) + VARIANTS):
+        noise = DOUBT * rng.standard_normal(len(odds)) * (number >= len(weights))
+        found |= set(_agglomerate(len(pieces.sizes), pairs, odds + noise, weights[number % 2]))
     gap = contact[:, 1]
     for band in (None, *BANDS):
         inside = np.ones(len(pieces.sizes), dtype=bool)

@@ -9,6 +9,7 @@ import torch
 
 from kpred.detection.adjacency import Pieces, describe_pieces, pair_features, touching
 from kpred.detection.crops import RoomVoxels
+from kpred.detection.links import Links
 from kpred.detection.networks import PairNetwork
 from kpred.detection.proposals import merge_trees
 from kpred.detection.segments import neighbour_edges, segment_voxels
@@ -47,23 +48,29 @@ def prepare_room(points: Float[np.ndarray, "points 3"]) -> PreparedRoom:
     places = np.column_stack([grid.points[:, :2], structure.height])
     rest = np.flatnonzero(~structure.mask)
     segment = np.full(len(grid), -1, dtype=np.int64)
-    vertical = structure.normals[:, 2] ** 2
     if len(rest) < MIN_REST:
-        voxels = RoomVoxels(places, vertical, structure.mask, segment, grid.cell)
+        voxels = RoomVoxels(places, structure.normals, structure.mask, segment, grid.cell)
         nothing = np.zeros((0, 2), np.int64), np.zeros((0, 5)), np.zeros((0, 0))
         return PreparedRoom(grid, structure, voxels, None, *nothing)
     edges, _ = neighbour_edges(places[rest])
     segment[rest] = segment_voxels(places[rest], structure.normals[rest], edges)
     pieces = describe_pieces(places[rest], structure.normals[rest], segment[rest], places[structure.mask], grid.cell)
     pairs, contact = touching(places[rest], pieces)
-    voxels = RoomVoxels(places, vertical, structure.mask, segment, grid.cell)
+    voxels = RoomVoxels(places, structure.normals, structure.mask, segment, grid.cell)
     return PreparedRoom(grid, structure, voxels, pieces, pairs, contact, pair_features(pieces, pairs, contact))
 
 
-def propose_objects(room: PreparedRoom, network: PairNetwork) -> list[frozenset[int]]:
-    """List sets of pieces that may be one object."""
-    if room.pieces is None:
-        return []
+def pair_odds(room: PreparedRoom, network: PairNetwork) -> Float[np.ndarray, " pairs"]:
+    """Predict log-odds that the pieces of each pair are of one object."""
     with torch.inference_mode():
-        odds = network(torch.from_numpy(room.features).float()).double().numpy()
-    return merge_trees(room.pieces, room.pairs, odds, room.contact)
+        return np.asarray(network(torch.from_numpy(room.features).float()).double().numpy())
+
+
+def propose_objects(room: PreparedRoom, odds: Float[np.ndarray, " pairs"]) -> list[frozenset[int]]:
+    """List sets of pieces that may be one object; `odds` as of `pair_odds`."""
+    return [] if room.pieces is None else merge_trees(room.pieces, room.pairs, odds, room.contact)
+
+
+def room_links(room: PreparedRoom, odds: Float[np.ndarray, " pairs"]) -> Links:
+    """Return how the pieces of a room hang together; `odds` as of `pair_odds`."""
+    return Links(0 if room.pieces is None else len(room.pieces.sizes), room.pairs, odds, room.contact)
