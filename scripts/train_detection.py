@@ -4,16 +4,16 @@
     python scripts/train_detection.py rooms.npz [...] -o src/kpred/bundled/detector --examples examples.npz
 
 Rooms are turned by random yaws; every second is thinned at random; what stands in a cabinet is part of it. The pair
-network learns from all rooms, and so does the proposal network, by proposals that the pair network makes. What the
-proposal network learns from is kept in the file of examples, and the output is written every minute: a run that was
-stopped goes on with `--start-from OUTPUT`.
+network learns from all rooms, and so does the proposal network, by proposals that the pair network makes, several times
+in other yaws. What the proposal network learns from is kept in the file of examples, and the output is written every
+minute: a run that was stopped goes on with `--start-from OUTPUT`.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +37,11 @@ MEETING, OTHERS = 70, 60
 RIGHT, WRONG = 0.5, 0.35
 """IoU of a proposal from which it has its object's category, and below which it has none."""
 
+
+STRETCH, BLIND = (0.12, 0.12, 0.05), 0.15
+"""Standard deviations of the logarithm of stretches along the sides and up, and fraction of proposals whose affinities
+are hidden, in training.
+"""
 
 NAMES = ("clouds", "facts", "iou", "category")
 
@@ -77,17 +82,17 @@ class Labelled:
         return iou.max(axis=1), self.categories[best]
 
 
-def labelled_rooms(files: list[Path]) -> Iterator[Labelled]:
-    """Prepare all rooms, one after the other."""
+def labelled_rooms(files: list[Path], number: int = 0) -> Iterator[Labelled]:
+    """Prepare all rooms, one after the other; every pass `number` turns and thins them in another way."""
     for file in files:
         pack = RoomPack.load(file)
         for index in range(len(pack)):
-            rng = np.random.default_rng([index, 7])
+            rng = np.random.default_rng([index, 7, number])
             yaw = float(rng.uniform(0, 2 * np.pi))
             points, instance, objects = upright_room(pack, index, yaw)
             room_turn = room_rotation(yaw)
             instance = with_contents(pack, points, instance, objects, room_turn)
-            if index % 2 == 0:
+            if (index + number) % 2 == 0:
                 kept = np.sort(rng.permutation(len(points))[: int(rng.uniform(15_000, 40_000))])
                 points, instance = points[kept], instance[kept]
             room = prepare_room(points)
@@ -153,11 +158,11 @@ class Examples:
     category: Tensor
 
 
-def examples(detector: Detector, rooms: list[Labelled]) -> Examples:
+def examples(detector: Detector, rooms: Iterable[Labelled], seed: int = 0) -> Examples:
     """Sample proposals of all rooms."""
     parts = []
     for number, one in enumerate(rooms):
-        rng = np.random.default_rng([number, 3])
+        rng = np.random.default_rng([number, 3, seed])
         odds = pair_odds(one.room, detector.pairs)
         proposals = sorted(propose_objects(one.room, odds), key=sorted)
         iou, names = one.overlaps(proposals)
@@ -170,20 +175,26 @@ def examples(detector: Detector, rooms: list[Labelled]) -> Examples:
             [CATEGORIES.index(name) if name in CATEGORIES else -1 for name in names[rows]], dtype=np.int64
         )
         parts.append((clouds.astype(np.float16), facts, iou[rows], category))
-    joined = [torch.from_numpy(np.concatenate(column)) for column in zip(*parts, strict=True)]
-    return Examples(joined[0], joined[1].float(), joined[2].float(), joined[3])
+    clouds, facts, iou, category = (torch.from_numpy(np.concatenate(column)) for column in zip(*parts, strict=True))
+    return Examples(clouds, facts.float(), iou.float(), category)
+
+
+def joined(parts: Sequence[Examples]) -> Examples:
+    """Join examples, in order."""
+    return Examples(*(torch.cat([getattr(part, name) for part in parts]) for name in NAMES))
 
 
 def train_proposals(detector: Detector, data: Examples, seconds: float, output: Path, rate: float = 2e-3) -> None:
     """Train the proposal network for so long; write it every minute."""
     network, batch = detector.proposals.train(), 64
-    optimizer = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-3)
+    optimizer = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-2)
     started, step, losses, written = time.process_time(), 0, [0.0], time.monotonic()
     while (done := (time.process_time() - started) / seconds) < 1.0:
         for group in optimizer.param_groups:
             group["lr"] = rate * min(1.0, step / 100) * (1.0 - done) ** 1.2
         rows = torch.randint(len(data.iou), (batch,))
-        logits, quality = network(varied(data.clouds[rows].float()), varied_facts(data.facts[rows]))
+        scale = torch.exp(torch.tensor(STRETCH) * torch.randn(batch, 3))
+        logits, quality = network(varied(data.clouds[rows].float(), scale), varied_facts(data.facts[rows], scale))
         iou = data.iou[rows]
         target = torch.where((iou >= RIGHT) & (data.category[rows] >= 0), data.category[rows], len(CATEGORIES))
         certain = (iou >= RIGHT) | (iou < WRONG)
@@ -202,31 +213,36 @@ def train_proposals(detector: Detector, data: Examples, seconds: float, output: 
     network.eval()
 
 
-def varied(clouds: Tensor) -> Tensor:
-    """Turn by quarters and a little, mirror, stretch and jitter clouds about the up axis, and drop points."""
+def varied(clouds: Tensor, scale: Tensor) -> Tensor:
+    """Scale by (batch, 3), turn by quarters and a little, mirror and jitter clouds, and drop points."""
     count = len(clouds)
     angle = torch.randint(0, 4, (count,)) * (torch.pi / 2) + 0.12 * torch.randn(count)
     cosine, sine = angle.cos(), angle.sin()
     flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
     turn = torch.stack([torch.stack([cosine, -sine * flip], 1), torch.stack([sine, cosine * flip], 1)], 1)
-    stretch = 0.9 + 0.2 * torch.rand(count, 1, 1)
-    plan = torch.einsum("bij,bnj->bni", turn, clouds[:, :, :2]) * stretch
-    height = clouds[:, :, 2:3] * (0.94 + 0.12 * torch.rand(count, 1, 1))
+    plan = torch.einsum("bij,bnj->bni", turn, clouds[:, :, :2] * scale[:, None, :2])
+    height = clouds[:, :, 2:3] * scale[:, None, 2:]
     place = torch.cat([plan, height], dim=2)
     place = place + 0.008 * torch.randn_like(place)
     twice = torch.stack([(2 * angle).cos(), (2 * angle).sin()], 1)[:, None]
     a, b = clouds[:, :, 7], clouds[:, :, 8] * flip[:, None]
     facing = torch.stack([twice[..., 0] * a - twice[..., 1] * b, twice[..., 1] * a + twice[..., 0] * b], dim=2)
-    bond = (clouds[:, :, 9:] + 0.15 * torch.randn(count, clouds.shape[1], 1) * (clouds[:, :, 9:] != 0)).clamp(-1.0, 1.0)
+    noise = 0.15 * torch.randn(count, clouds.shape[1], 1) * (clouds[:, :, 9:] != 0)
+    bond = (clouds[:, :, 9:] + noise).clamp(-1.0, 1.0) * (torch.rand(count, 1, 1) > BLIND)
     changed = torch.cat([place, clouds[:, :, 3:7], facing, bond], dim=2)
     kept = torch.rand(count, clouds.shape[1], 1) > 0.3 * torch.rand(count, 1, 1)
     first = torch.cat([changed[:, :1].expand(-1, OWN_POINTS, -1), changed[:, OWN_POINTS:]], dim=1)
     return torch.where(kept, changed, first)
 
 
-def varied_facts(facts: Tensor) -> Tensor:
-    """Jitter facts of proposals."""
-    return facts + 0.04 * torch.randn_like(facts)
+def varied_facts(facts: Tensor, scale: Tensor) -> Tensor:
+    """Scale facts of proposals as the clouds are scaled, jitter them, and leave out some affinities."""
+    sides = facts[:, 1:3] * scale[:, :2]
+    heights = facts[:, 3:5] * scale[:, 2:]
+    grown = scale[:, :2].log().sum(dim=1, keepdim=True)
+    bonds = facts[:, 7:] * (torch.rand(len(facts), 1) > BLIND)
+    changed = torch.cat([facts[:, :1] + grown / 10, sides, heights, facts[:, 5:7], bonds], dim=1)
+    return changed + 0.05 * torch.randn_like(facts)
 
 
 def main() -> None:
@@ -235,6 +251,7 @@ def main() -> None:
     parser.add_argument("rooms", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--seconds", type=float, default=400.0, help="processor time of the proposal network")
+    parser.add_argument("--passes", type=int, default=2, help="times that the rooms are turned, thinned and cut")
     parser.add_argument("--examples", type=Path, help="file of what the proposal network learns from, kept")
     parser.add_argument("--start-from", type=Path, help="a detector to go on from, at half the rate")
     options = parser.parse_args()
@@ -249,7 +266,11 @@ def main() -> None:
         print(f"{len(rooms)} rooms prepared in {time.process_time() - started:.0f} s", flush=True)
         train_pairs(detector, rooms, 8, fresh=options.start_from is None)
         detector.save(options.output)
-        data = examples(detector, rooms)
+        first = examples(detector, rooms)
+        del rooms  # Some megabytes each.
+        passes = range(1, options.passes)
+        more = [examples(detector, labelled_rooms(options.rooms, number), number) for number in passes]
+        data = joined([first, *more])
         if options.examples is not None:
             np.savez(options.examples, **{name: getattr(data, name).numpy() for name in NAMES})
     print(f"{len(data.iou)} proposals, {int((data.iou >= RIGHT).sum())} with an object", flush=True)

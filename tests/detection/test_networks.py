@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from kpred.detection.adjacency import PAIR_FEATURES
-from kpred.detection.networks import CHANNELS, Detector, bundled_detector
+from kpred.detection.networks import CHANNELS, FACTS, Detector, bundled_detector
 from kpred.errors import ModelError
 
 
@@ -15,8 +15,8 @@ def test_the_order_of_points_does_not_matter() -> None:
     points = torch.randn(2, 50, CHANNELS)
     points[:, :, 3] = (torch.arange(50) < 30).float()
     with torch.inference_mode():
-        logits, quality = network(points, torch.full((2,), 6.0))
-        again, same = network(points.flip(1), torch.full((2,), 6.0))
+        logits, quality = network(points, torch.zeros(2, FACTS))
+        again, same = network(points.flip(1), torch.zeros(2, FACTS))
     torch.testing.assert_close(logits, again)
     torch.testing.assert_close(quality, same)
     assert logits.shape == (2, 4)

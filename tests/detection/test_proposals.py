@@ -42,3 +42,12 @@ def test_chairs_are_parted_from_the_table_above_them() -> None:
     pairs, contact = np.array([[0, 1], [0, 2]]), np.tile([1.0, 0.3, 0.3, 0.2, 0.1], (2, 1))
     found = merge_trees(pieces_at([seat, top, legs]), pairs, np.array([3.0, -3.0]), contact)
     assert frozenset({0, 2}) in found
+
+
+def test_doubtful_pairs_are_joined_in_more_than_one_order() -> None:
+    boxes = [([0.4 * n, 0, 0.1], [0.4 * n + 0.4, 0.4, 0.9]) for n in range(4)]
+    pairs = np.array([[0, 1], [1, 2], [2, 3]])
+    contact = np.column_stack([np.ones(3), np.full(3, 1.2), np.ones((3, 3))])
+    found = merge_trees(pieces_at(boxes), pairs, np.array([0.1, 0.0, 0.1]), contact)
+    assert {frozenset({0, 1}), frozenset({1, 2}), frozenset({2, 3})} <= set(found)
+    assert found == merge_trees(pieces_at(boxes), pairs, np.array([0.1, 0.0, 0.1]), contact)

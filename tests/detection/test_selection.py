@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kpred.detection.networks import bundled_detector
-from kpred.detection.propose import PreparedRoom, prepare_room, propose_objects
+from kpred.detection.propose import PreparedRoom, pair_odds, prepare_room, propose_objects
 from kpred.detection.selection import select_proposals
 
 
@@ -14,7 +14,7 @@ def prepared(furnished_room: tuple[np.ndarray, np.ndarray]) -> PreparedRoom:
 
 
 def test_no_piece_is_in_two_objects(prepared: PreparedRoom) -> None:
-    proposals = sorted(propose_objects(prepared, bundled_detector().pairs), key=sorted)
+    proposals = sorted(propose_objects(prepared, pair_odds(prepared, bundled_detector().pairs)), key=sorted)
     scores = np.random.default_rng(0).random(len(proposals))
     chosen = select_proposals(prepared, proposals, scores, 0.1)
     pieces = [piece for _, members in chosen for piece in members]

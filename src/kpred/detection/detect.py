@@ -17,7 +17,7 @@ from kpred.detection.selection import select_proposals
 from kpred.ops.rotations import Y_TO_Z, upright_rotation
 from kpred.ops.typing import Float, Int
 
-MIN_SCORE = 0.4
+MIN_SCORE = 0.25
 """Least score of an object: probability of its category times the expected IoU with it."""
 
 MARGIN = 0.8

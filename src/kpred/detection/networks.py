@@ -26,7 +26,7 @@ sine part of its normal in plan, affinity of its piece.
 FACTS = 10
 """Of a proposal: amount, sides, lower and upper end, area and cells to the area of its box, affinities."""
 
-WIDTH = 48
+WIDTH, DROPOUT = 48, 0.15
 
 
 class PairNetwork(nn.Module):
@@ -75,9 +75,9 @@ class ProposalNetwork(nn.Module):
             (hidden * own).sum(1) / own.sum(1).clamp(min=1.0),
             (hidden - 1e3 * own).amax(1).clamp(min=-1.0),
         ]
-        shape = torch.cat([*pools, facts], dim=1)
+        shape = torch.cat([functional.dropout(torch.cat(pools, dim=1), DROPOUT, self.training), facts], dim=1)
         for layer in self.shape:
-            shape = functional.leaky_relu(layer(shape), 0.1)
+            shape = functional.dropout(functional.leaky_relu(layer(shape), 0.1), DROPOUT, self.training)
         answers = self.output(shape)
         return answers[:, :-1], answers[:, -1]
 

@@ -35,6 +35,10 @@ def furnish_room(seed: int, index: int, catalogue: Catalogue) -> Room:
     for _ in range(6):
         if _furniture(room) < full:
             RECIPES[pick(rng, [name, name, "office", "living", "meeting", "store"])][0](room)
+    for _ in range(whole(rng, 1, 2) if happens(rng, 0.4) else 0):
+        # Cabinets divide rooms too.
+        role = pick(rng, ["tall cabinet", "low cabinet", "nightstand"])
+        room.anywhere(role, room.draw(role))
     for _ in range(whole(rng, 0, 3)):
         role = pick(rng, ["floor thing", "plant", "lamp", "wall thing", "vessel"])
         room.anywhere(role, room.draw(role))
