@@ -175,4 +175,6 @@ def test_cycles_are_searched_for_as_before_when_a_command_has_ended(tmp_path: Pa
 
     before, frozen = gc.get_threshold(), gc.get_freeze_count()
     assert main(["fit", str(tmp_path / "none.ply"), "-o", str(tmp_path / "a.obj")]) == FAILED
-    assert (gc.get_threshold(), gc.get_freeze_count()) == (before, frozen)
+    assert gc.get_threshold() == before
+    # A few frozen objects end meanwhile; a command that leaves its own frozen adds tens of thousands.
+    assert abs(gc.get_freeze_count() - frozen) < 1000
