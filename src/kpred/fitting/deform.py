@@ -20,7 +20,7 @@ from kpred.refinement.placement import Placement, fit_placement
 from kpred.refinement.score import COSTS, Distances, Step, distances, spacing
 from kpred.refinement.score_cpu import squared_diagonal
 from kpred.refinement.structure_config import StructureConfig
-from kpred.refinement.structure_fit import OUTSIDE, Evidence, fit_structure
+from kpred.refinement.structure_fit import OUTSIDE, Evidence, fit_some, fit_structure
 
 PLACED_POINTS = 384
 """Points of model and scan by which undeformed models are placed."""
@@ -122,23 +122,37 @@ class _Work:
         self.points = candidates.points.numpy()
         self.start = candidates.deformed().numpy()
         self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]
-        self.hidden = [self._hidden(row) for row in range(len(self.points))]
 
     @cached_property
     def placements(self) -> list[_Placements]:
         """Placements of every undeformed model."""
         return _each(self._placements, len(self.points))
 
+    @cached_property
+    def hidden(self) -> list[np.ndarray]:
+        """How surely each point of every model, where the keypoints put it, was not seen."""
+        rows = range(len(self.points))
+        return [1.0 - self.visibility(self.start[row] + OUTSIDE * self.models[row].normals) for row in rows]
+
     def sketched(self) -> list[float]:
         """Estimate the log error of every candidate, deformed in a few rounds from where its keypoints put it."""
         config = self.config.sketch()
+        return _each(lambda row: self._sketch(row, config), len(self.points))
 
-        def estimate(row: int) -> float:
-            model = self.models[row]
-            moved = model.moved(fit_structure(model, self.start[row], self.evidence, config))
-            return self._measure(row, moved)[1]
-
-        return _each(estimate, len(self.points))
+    def _sketch(self, row: int, config: StructureConfig) -> float:
+        """Estimate the log error of one candidate by the points alone that its sketch moves."""
+        model, start = self.models[row], self.start[row]
+        _, moved = fit_some(model, start, self.evidence, config)
+        columns = model.thinned(config.points)
+        visible = self.visibility(moved + OUTSIDE * columns.normals)
+        unseen = 0.0
+        if self.visibility.grid is not None:
+            begun = start[columns.order]
+            hidden = 1.0 - self.visibility(begun + OUTSIDE * columns.normals)
+            unseen = float((hidden * np.square(moved - begun).sum(axis=1)).mean())
+        spacings = self.spacing, len(start) / len(moved) * self._spacing(row, moved)
+        measured = replace(distances(self.goal, spacings, moved, visible), unseen=unseen)
+        return float(np.log(np.exp(measured.log_error()) + self._floor_error(model.feet[columns.order], moved)))
 
     def simple(self, row: int, step: Literal["none", "scale"]) -> Explanation:
         """Place the undeformed model, in its own size or the size that fits, or in one size per axis."""
@@ -222,25 +236,19 @@ class _Work:
         unseen = float((self.hidden[row][::every] * off).mean())
         spacings = self.spacing, self._spacing(row, moved)
         measured = replace(distances(self.goal, spacings, moved, visible, every), unseen=unseen)
-        return measured, float(np.log(np.exp(measured.log_error()) + self._floor_error(row, moved)))
+        return measured, float(np.log(np.exp(measured.log_error()) + self._floor_error(self.models[row].feet, moved)))
 
-    def _floor_error(self, row: int, moved: np.ndarray) -> float:
-        """Charge a result that does not stand on the floor, where its height is known; unit box squared."""
-        feet = self.models[row].feet
+    def _floor_error(self, feet: np.ndarray, moved: np.ndarray) -> float:
+        """Charge points that do not stand on the floor, where its height is known; by their weights, unit box squared."""
         if self.evidence.floor is None or not feet.any():
             return 0.0
-        gap = abs(float(feet @ moved[:, 1]) - self.evidence.floor)
+        gap = abs(float(feet @ moved[:, 1]) / float(feet.sum()) - self.evidence.floor)
         return FLOOR_WEIGHT * max(gap - FLOOR_DOUBT, 0.0) ** 2
 
     def _spacing(self, row: int, moved: np.ndarray) -> float:
         """Spacing of a result's points: that of the model's, which grows with its box."""
         model = self.models[row]
         return model.spacing * squared_diagonal(moved) / max(model.squared_diagonal, 1e-12)
-
-    def _hidden(self, row: int) -> np.ndarray:
-        """Compute how surely each point of a model, where the keypoints put it, was not seen."""
-        hidden: np.ndarray = 1.0 - self.visibility(self.start[row] + OUTSIDE * self.models[row].normals)
-        return hidden
 
     def _placements(self, row: int) -> _Placements:
         """Place the undeformed model in its own size, in one size, and in one size per axis."""

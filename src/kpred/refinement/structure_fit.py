@@ -24,6 +24,7 @@ from kpred.refinement.structure_apply_cpu import apply_columns
 from kpred.refinement.structure_basis import StructureBasis, structure_basis
 from kpred.refinement.structure_config import StructureConfig
 from kpred.refinement.structure_cpu import fit_rounds
+from kpred.refinement.thickness_cpu import hold_thickness
 from kpred.shapes.structure import Structure
 
 MIN_SCALE = 1e-4
@@ -71,13 +72,22 @@ class StructureMap:
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Columns of some of the points, sorted by part."""
+    """Columns of some of the points, sorted by part, and what else of them a fit needs.
+
+    Attributes:
+        order: (N,) rows of the points; points, normals: (N, 3); bounds: (C + 1,) first point of each part.
+        spline: (3, K, N), own: (3, 4, N) columns.
+        across: (N, 3) weight of a match along each axis; facing: (N,) axis that the surface faces.
+    """
 
     order: np.ndarray
     points: np.ndarray
+    normals: np.ndarray
     bounds: np.ndarray
     spline: np.ndarray
     own: np.ndarray
+    across: np.ndarray
+    facing: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +138,14 @@ class StructureModel:
         ordered[columns.order] = result
         return ordered
 
+    def step(self, count: int) -> int:
+        """Compute the step at which about `count` of the points are taken."""
+        return max(1, len(self.points) // count)
+
+    def thinned(self, count: int) -> _Columns:
+        """Columns of about `count` of the points."""
+        return self.columns(self.step(count))
+
     def columns(self, step: int) -> _Columns:
         """Columns of every `step`-th point in the order of the parts; computed once."""
         if step not in self._columns:
@@ -135,7 +153,11 @@ class StructureModel:
             parts = self.parts[order]
             place = np.ascontiguousarray(self.points[order], dtype=np.float32)
             bounds = np.searchsorted(parts, np.arange(self.basis.structure.parts + 1))
-            self._columns[step] = _Columns(order, place, bounds, *self.basis.columns(place, parts))
+            normals = np.ascontiguousarray(self.normals[order], dtype=np.float32)
+            squared = self.normals[order] ** 2
+            across, facing = (ALONG + (1.0 - ALONG) * squared).astype(np.float32), squared.argmax(axis=1)
+            columns = self.basis.columns(place, parts)
+            self._columns[step] = _Columns(order, place, normals, bounds, *columns, across, facing)
         return self._columns[step]
 
     @cached_property
@@ -178,6 +200,10 @@ class Evidence:
     floor: float | None = None
     spacing: float = 0.0
 
+    def some(self, count: int) -> Float[np.ndarray, "some 3"]:
+        """Take about `count` of the scan's points, evenly; float32."""
+        return np.ascontiguousarray(self.goal[:: max(1, len(self.goal) // count)], dtype=np.float32)
+
 
 def fit_structure(
     model: StructureModel,
@@ -192,19 +218,32 @@ def fit_structure(
         start: (N, 3) where unseen points of the model are held.
         matched: (N, 3) where its points are when they are first matched; at `start` if it is None.
     """
+    return fit_some(model, start, evidence, config, matched)[0]
+
+
+def fit_some(
+    model: StructureModel,
+    start: Float[np.ndarray, "points 3"],
+    evidence: Evidence,
+    config: StructureConfig,
+    matched: Float[np.ndarray, "points 3"] | None = None,
+) -> tuple[StructureMap, Float[np.ndarray, "some 3"]]:
+    """Fit as `fit_structure`, and return too where the points that were used came to lie, in the order of the parts."""
     basis = model.basis
-    step = max(1, len(model.points) // config.points)
-    columns = model.columns(step)
-    place = start[columns.order]
-    seen = evidence.visible(place + OUTSIDE * model.normals[columns.order])
-    stiff = basis.stiff + config.thickness * _thickness(model, columns, seen, evidence.spacing)
+    columns = model.thinned(config.points)
+    place = np.ascontiguousarray(start[columns.order], dtype=np.float32)
+    seen = evidence.visible(place + OUTSIDE * columns.normals)
+    stiff = basis.stiff.copy()
+    hold_thickness(
+        columns.normals, columns.bounds, seen, basis.half, THIN, BLUR * np.sqrt(evidence.spacing), basis.growth,
+        config.thickness, stiff,
+    )  # fmt: skip
     solution = np.zeros((3, basis.unknowns))
-    moved = np.ascontiguousarray((start if matched is None else matched)[columns.order], dtype=np.float32)
+    moved = place.copy() if matched is None else np.ascontiguousarray(matched[columns.order], dtype=np.float32)
     weight = 0.0 if evidence.floor is None else config.floor
     # A point above a sole stays as far above the floor.
     floor = (0.0 if evidence.floor is None else evidence.floor) + model.heights[columns.order]
     limits, boxes, spans, slopes, leans, bends = model._freedom
-    squared = model.normals[columns.order] ** 2
     fit_rounds(
         columns.spline,
         columns.own,
@@ -213,12 +252,12 @@ def fit_structure(
         boxes,
         basis.lean_axis,
         columns.points,
-        (ALONG + (1.0 - ALONG) * squared).astype(np.float32),
-        squared.argmax(axis=1),
-        np.ascontiguousarray(place, dtype=np.float32),
+        columns.across,
+        columns.facing,
+        place,
         seen.astype(np.float32),
         (config.unseen * (1.0 - seen) / len(seen)).astype(np.float32),
-        np.ascontiguousarray(evidence.goal[:: max(1, len(evidence.goal) // config.points)], dtype=np.float32),
+        evidence.some(config.points),
         stiff,
         basis.growth,
         limits,
@@ -231,7 +270,7 @@ def fit_structure(
         basis.ends.column,
         basis.ends.factor,
         config.flush,
-        weight * model.feet[columns.order] * step,
+        weight * model.feet[columns.order] * model.step(config.points),
         floor,
         config.iterations,
         config.robust**2,
@@ -240,27 +279,4 @@ def fit_structure(
         solution,
         moved,
     )
-    return StructureMap(basis, solution)
-
-
-def _thickness(model: StructureModel, columns: _Columns, seen: np.ndarray, apart: float) -> np.ndarray:
-    """(3, U, U) quadratic form that keeps the thickness of boards and bars of which the scan does not show it.
-
-    It does not show it where one side was seen, or where the two sides are nearer to each other than samples are.
-    """
-    basis = model.basis
-    parts, normals = model.parts[columns.order], model.normals[columns.order]
-    found = np.zeros_like(basis.stiff)
-    for axis in range(3):
-        sides = []
-        for sign in (-1.0, 1.0):
-            facing = (sign * normals[:, axis] > 0.7).astype(np.float64)
-            total = np.bincount(parts, facing, basis.structure.parts)
-            sides.append(np.bincount(parts, facing * seen, basis.structure.parts) / np.maximum(total, 1e-9))
-        hidden = 1.0 - np.minimum(*sides)
-        blurred = np.clip(2.0 - 2 * basis.half[:, axis] / max(BLUR * np.sqrt(apart), 1e-9), 0.0, 1.0)
-        held = np.maximum(hidden, blurred)
-        thin = (2 * basis.half[:, axis] < THIN) & (held > 0.05)
-        rows = basis.growth[thin, axis]
-        found[axis] = rows.T @ (held[thin][:, None] * rows)
-    return found
+    return StructureMap(basis, solution), moved
