@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from choose_models import choose_models
 from torch import nn
 
 from kpred.database import Database, build_database
@@ -39,19 +40,23 @@ from kpred.nn.config import SHARED
 from kpred.nn.loading import RECOGNIZER, SECOND, SHARED_RECOGNIZER, VISIBILITY
 from kpred.nn.weights import WEIGHTS_FILE
 from kpred.ops import depth_scan
-from kpred.shapes import MeshPack
+from kpred.shapes import Mesh, MeshPack
 from kpred.synthetic.generator import generate
 
 CATEGORIES = ("chair", "table", "cabinet")
 REPOSITORY = Path(__file__).resolve().parents[1]
 BUNDLED = REPOSITORY / "src" / "kpred" / "bundled"
 PAPER = REPOSITORY / "paper" / "src" / "kpred_paper"
-GENERATED, REDISTRIBUTED = 60, 60
-"""Models a category in the starter database: from the generator, and from infinigen."""
+GENERATED, REDISTRIBUTED = 300, 60
+"""Shapes a category that models of the starter database are chosen from: from the generator, and from infinigen."""
+CHOSEN = 130
+"""Models a category in the starter database."""
+COVERED, COVERED_SEED = 160, 4321
+"""Shapes of the generator, a category, that the chosen models shall explain, and a third as many of infinigen's train."""
 FIRST_RECORD = "training_first.json"
 """Record of the training that another one started from."""
-DATABASE_SEED = 11
-"""A seed of the generator that training does not use."""
+DATABASE_SEED, REDISTRIBUTED_SEED = 12, 11
+"""A seed of the generator that training does not use; and of the draw from infinigen."""
 
 
 def main() -> None:
@@ -111,15 +116,28 @@ def make_database(infinigen: Path) -> None:
     path.unlink(missing_ok=True)
     shapes = []
     for category in CATEGORIES:
-        made = generate(category, GENERATED, DATABASE_SEED, splits=False)
-        shapes += [(str(made.model_id[i]), category, "generator", made[i]) for i in range(len(made))]
         pack = MeshPack.load(infinigen / f"{category}.npz")
-        rows = np.random.default_rng(DATABASE_SEED).permutation(pack.indices("source"))[:REDISTRIBUTED]
-        shapes += [(f"infinigen_{pack.model_id[i]}", category, "infinigen", pack[int(i)]) for i in rows]
+        made = generate(category, GENERATED, DATABASE_SEED, splits=False)
+        pool = [(str(made.model_id[i]), made[i]) for i in range(len(made))]
+        rows = np.random.default_rng(REDISTRIBUTED_SEED).permutation(pack.indices("source"))[:REDISTRIBUTED]
+        pool += [(f"infinigen_{pack.model_id[i]}", pack[int(i)]) for i in rows]
+        targets, weights = covered(category, pack)
+        chosen = set(choose_models(pool, targets, weights, category, CHOSEN))
+        for name, mesh in pool:
+            source = "infinigen" if name.startswith("infinigen_") else "generator"
+            shapes += [(name, category, source, mesh)] if name in chosen else []
     report = build_database(path, shapes, load_model())
     print(f"database: {report.added} models, {path.stat().st_size / 1e6:.1f} MB, failed {report.failed}")
     with Database.open(path) as database:
         print({category: len(database.model_ids(category)) for category in database.categories()})
+
+
+def covered(category: str, pack: MeshPack) -> tuple[list[Mesh], np.ndarray]:
+    """Shapes that the database shall explain, and their weights: generator and infinigen count alike."""
+    made = generate(category, COVERED, COVERED_SEED, splits=False)
+    rows = np.random.default_rng(5).permutation(pack.indices("train"))[: COVERED // 3]
+    weights = [np.full(len(made), 0.5 / len(made)), np.full(len(rows), 0.5 / len(rows))]
+    return [made[i] for i in range(len(made))] + [pack[int(i)] for i in rows], np.concatenate(weights)
 
 
 def make_scan(infinigen: Path) -> None:

@@ -78,7 +78,7 @@ def deform_candidates(
     config = structure or StructureConfig()
     chosen = candidates
     if top_k is not None and len(candidates.model_ids) > top_k:
-        errors = np.array(_Work(candidates, visibility, config, floor, unit).sketched())
+        errors = np.array(sketch_errors(candidates, visibility, config, floor=floor))
         # A model that is the very thing is found by its tokens; among many, others can be bent to look like it.
         errors[: top_k // 2] = -np.inf
         chosen = candidates.take(torch.from_numpy(np.sort(np.argsort(errors, kind="stable")[:top_k])))
@@ -91,6 +91,17 @@ def deform_candidates(
         explanations = work.structured(simplest=deform == "auto")
     seen = float(np.mean([one.distances.seen for one in explanations]))
     return Deformed(chosen, visibility, tuple(explanations), seen)
+
+
+def sketch_errors(
+    candidates: Candidates,
+    visibility: Visibility,
+    structure: StructureConfig | None = None,
+    *,
+    floor: float | None = None,
+) -> list[float]:
+    """Estimate the log error that each candidate would have, deformed; for arguments see `deform_candidates`."""
+    return _Work(candidates, visibility, structure or StructureConfig(), floor, None).sketched()
 
 
 @dataclass(frozen=True)
