@@ -26,7 +26,7 @@ UP = "y"
 
 MENDS: dict[str, tuple[Gesture, ...]] = {
     "table_04": (Turn(180.0), ChooseModel("infinigen_TableDiningFactory_00040"), RefitRest()),
-    "table_01": (ChooseModel("open_bay_desk_11_59"), SetSize(WHOLE, "x", 1.98), RefitRest()),
+    "table_01": (ChooseModel("open_bay_desk_12_59"), SetSize(WHOLE, "x", 1.98), RefitRest()),
     "cabinet_07": (ChooseCategory("cabinet"), RefitRest()),
     "table_05": (Turn(180.0), RefitRest()),
     "table_00": (SetSize(WHOLE, "z", 0.8), RefitRest()),

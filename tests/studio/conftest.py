@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from kpred.database import Database
-from kpred.fitting import bundled_database_path, sample_scan
+from kpred.database import Database, build_database
+from kpred.fitting import sample_scan
 from kpred.fitting.options import FitOptions
 from kpred.fitting.stages import Context
+from kpred.nn import load_model
 from kpred.refinement.part_points import affine_solution
 from kpred.refinement.structure_basis import structure_basis
 from kpred.refinement.structure_config import StructureConfig
@@ -21,10 +22,13 @@ from kpred.synthetic.generator import generate
 
 
 @pytest.fixture(scope="session")
-def table() -> StructureShape:
-    """A table of four legs and a thin top, as it is in the database; its unit box."""
-    with Database.open(bundled_database_path()) as database:
-        entry = database.entry("coffee_11_2")
+def table(tmp_path_factory: pytest.TempPathFactory) -> StructureShape:
+    """A table of four legs and a thin top, as it is in a database; its unit box."""
+    made = generate("table", 3, 11, splits=False)
+    path = tmp_path_factory.mktemp("table") / "table.kpred"
+    build_database(path, [(str(made.model_id[2]), "table", "generator", made[2])], load_model())
+    with Database.open(path) as database:
+        entry = database.entry(str(made.model_id[2]))
     basis = structure_basis(entry.structure, StructureConfig())
     return StructureShape(structure_model(entry, basis), affine_solution(basis, np.ones(3), np.zeros(3)))
 

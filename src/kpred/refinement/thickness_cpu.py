@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import no_type_check
 
 import numba
-import numpy as np
 
 FACING = 0.7
 """A point is on a side of a board if its normal has at least this component across it."""
