@@ -52,7 +52,7 @@ GENERATED, REDISTRIBUTED = 300, 60
 CHOSEN = 130
 """Models a category in the starter database."""
 COVERED, COVERED_SEED = 160, 4321
-"""Shapes of the generator, a category, that the chosen models shall explain, and a third as many of infinigen's train."""
+"""Shapes of the generator a category that the chosen models shall explain; a third as many are infinigen's (train)."""
 FIRST_RECORD = "training_first.json"
 """Record of the training that another one started from."""
 DATABASE_SEED, REDISTRIBUTED_SEED = 12, 11

@@ -250,7 +250,7 @@ class _Work:
         return measured, float(np.log(np.exp(measured.log_error()) + self._floor_error(self.models[row].feet, moved)))
 
     def _floor_error(self, feet: np.ndarray, moved: np.ndarray) -> float:
-        """Charge points that do not stand on the floor, where its height is known; by their weights, unit box squared."""
+        """Charge weighted points that do not stand on a known floor, unit box squared."""
         if self.evidence.floor is None or not feet.any():
             return 0.0
         gap = abs(float(feet @ moved[:, 1]) / float(feet.sum()) - self.evidence.floor)
