@@ -110,6 +110,7 @@ def test_the_old_spelling_means_shapes(files: Path, pack: Path, tmp_path: Path, 
     short, full = (run_json("evaluate", *words, *line) for words in ((), ("shapes",)))
     for report in (short, full):
         assert report["header"].pop("seconds") >= 0
+        assert report["header"].pop("processor_seconds")
         assert report["header"].pop("command").startswith("kpred evaluate ")
     assert short == full
 

@@ -25,7 +25,7 @@ HIGHER = 0.2
 def candidates() -> Candidates:
     """Two tables of boxes along the axes, as they were retrieved."""
     database = resolve_database(None)
-    names = [name for name in database.model_ids("table") if name.startswith("dining")][:2]
+    names = [name for name in database.model_ids("table") if name.startswith(("dining", "writing_desk"))][:2]
     arrays = database.candidates("table", names)
     count = len(names)
     return Candidates(

@@ -94,11 +94,7 @@ def deform_candidates(
 
 
 def sketch_errors(
-    candidates: Candidates,
-    visibility: Visibility,
-    structure: StructureConfig | None = None,
-    *,
-    floor: float | None = None,
+    candidates: Candidates, visibility: Visibility, structure: StructureConfig | None = None, floor: float | None = None
 ) -> list[float]:
     """Estimate the log error that each candidate would have, deformed; for arguments see `deform_candidates`."""
     return _Work(candidates, visibility, structure or StructureConfig(), floor, None).sketched()
