@@ -4,12 +4,14 @@ import os
 import subprocess
 import sys
 import time
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
 
-from kpred.database import Database, build_database
+from kpred import database as databases
+from kpred.database import Database
 from kpred.database.connection import create_file
 from kpred.errors import DatabaseError
 from kpred.fitting.defaults import shared_categories
@@ -20,6 +22,7 @@ from kpred.shapes.mesh import Mesh
 COUNT = 11
 BROKEN = "m03"
 POINTS = 128  # sampled on a model; the real number takes longer and tells no more here
+build_database = partial(databases.build_database, count=POINTS)
 
 
 def shapes():
@@ -43,8 +46,7 @@ def weights(tmp_path_factory):
 
 
 @pytest.fixture
-def model(weights, monkeypatch):
-    monkeypatch.setattr("kpred.database.encode.POINTS", POINTS)
+def model(weights):
     return load_model(weights)
 
 
@@ -95,11 +97,9 @@ sys.path.insert(0, sys.argv[5])
 import numba, torch
 numba.set_num_threads(1)
 torch.set_num_threads(1)
-from test_build import POINTS, shapes
-from kpred.database import build_database, encode
+from test_build import build_database, shapes
 from kpred.nn import load_model
 
-encode.POINTS = POINTS
 limit = int(sys.argv[3])
 def progress(handled):
     if handled >= limit:
@@ -205,12 +205,10 @@ import os, sys
 sys.path.insert(0, sys.argv[3])
 import torch
 torch.set_num_threads(1)
-from test_build import POINTS, shapes
-from kpred.database import build_database, encode
+from test_build import build_database, shapes
 from kpred.errors import DatabaseError
 from kpred.nn import load_model
 
-encode.POINTS = POINTS
 try:
     build_database(sys.argv[1], shapes(), load_model(sys.argv[2]), keep_empty=False)
 except DatabaseError as error:

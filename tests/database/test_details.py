@@ -18,12 +18,11 @@ def box(height: float = 1.0) -> Mesh:
 
 
 def build(path, networks, *shapes, update=False):
-    return build_database(path, shapes, networks, update=update)
+    return build_database(path, shapes, networks, update=update, count=128)
 
 
 @pytest.fixture
-def networks(monkeypatch):
-    monkeypatch.setattr("kpred.database.encode.POINTS", 128)
+def networks():
     torch.manual_seed(0)
     return {"chair": KPRed(ModelConfig("chair", token_size=8, width=16, stages=1, region_points=8)).eval()}
 

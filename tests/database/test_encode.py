@@ -1,13 +1,14 @@
 """Encoding: what an entry says about its mesh, and what it must not depend on."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
 
-from kpred.database import encode_models
-from kpred.database.encode import deformation_basis, prepare_mesh
+from kpred.database import encode
+from kpred.database.encode import deformation_basis
 from kpred.errors import MeshError
 from kpred.nn import KPRed, ModelConfig
 from kpred.ops.cage import icosphere
@@ -22,13 +23,9 @@ def open_box(size=(1.0, 2.0, 0.5), at=(3.0, 0.0, -1.0)):
     return Mesh(corners * size + at, BOX)
 
 
-POINTS = 512
-
-
-@pytest.fixture(autouse=True)
-def few_points(monkeypatch):
-    """The real number takes longer and tells no more here."""
-    monkeypatch.setattr("kpred.database.encode.POINTS", POINTS)
+POINTS = 512  # the real number takes longer and tells no more here
+encode_models = partial(encode.encode_models, count=POINTS)
+prepare_mesh = partial(encode.prepare_mesh, count=POINTS)
 
 
 @pytest.fixture(scope="module")

@@ -100,25 +100,22 @@ def test_a_copy_to_itself_and_of_other_weights_is_refused(path, tmp_path, random
 
 KILLED_TABLE = """
     from kpred.database import Database, token_file
-    from kpred.database import sqlite as sqlite_backend
-    sqlite_backend.LARGE = 20
     fill = token_file._fill
     def killed(*arguments):
         fill(*arguments)
         os.kill(os.getpid(), 9)
     token_file._fill = killed
-    with Database.open(sys.argv[1]) as database:
+    with Database.open(sys.argv[1], index_from=20) as database:
         database.prepare_search()
 """
 
 
-def test_killed_while_making_a_token_file(path, random_entry, monkeypatch):
+def test_killed_while_making_a_token_file(path, random_entry):
     assert python(KILLED_TABLE, path).wait() == -9
     left = [file for file in path.parent.iterdir() if file != path]
     assert [file.name.startswith(".many.kpred.") for file in left] == [True]
     os.utime(left[0], (1, 1))  # an hour later
-    monkeypatch.setattr("kpred.database.sqlite.LARGE", 20)
-    with Database.open(path) as database:
+    with Database.open(path, index_from=20) as database:
         tokens = np.stack([random_entry(name).tokens for name in names()])
         query = random_entry("query").tokens
         wanted = reference_search(tuple(names()), tokens, query)
@@ -169,9 +166,8 @@ FULL = """
         copy_database(source, disk + "/copy.kpred", batch=4)
     except DatabaseError as error:
         answers["copy"] = str(error)
-    with Database.open(disk + "/copy.kpred") as database:
+    with Database.open(disk + "/copy.kpred", index_from=5) as database:
         answers["kept"] = len(database)
-        sqlite_backend.LARGE = 5
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             query = database.entry("c001").tokens
@@ -209,10 +205,8 @@ BUILD = """
     import numba, torch
     numba.set_num_threads(1)
     torch.set_num_threads(1)
-    from test_build import POINTS, shapes
-    from kpred.database import build_database, encode
+    from test_build import build_database, shapes
     from kpred.nn import load_model
-    encode.POINTS = POINTS
     def progress(handled):
         print(handled, flush=True)
         if handled == 5:
@@ -246,9 +240,8 @@ def test_the_server_is_restarted_in_the_middle_of_a_build(server, address, tmp_p
     assert_same_content(tmp_path / "whole.kpred", address)
 
 
-def test_the_token_file_s_own_names_do_not_clash(path, monkeypatch):
-    monkeypatch.setattr("kpred.database.sqlite.LARGE", 1)
-    with Database.open(path) as database:
+def test_the_token_file_s_own_names_do_not_clash(path):
+    with Database.open(path, index_from=1) as database:
         database.prepare_search()
     kinds = {open_table(path.with_name(f"{path.name}.tokens-{number}")).key.category for number in (1, 2)}
     assert kinds == {"chair", "table"}

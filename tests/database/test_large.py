@@ -7,19 +7,15 @@ import pytest
 from search_reference import reference_search
 
 from kpred.database import Database
-from kpred.database import sqlite as sqlite_backend
 from kpred.database.token_file import open_table
 
-
-@pytest.fixture(autouse=True)
-def twenty_are_many(monkeypatch):
-    monkeypatch.setattr(sqlite_backend, "LARGE", 20)
+MANY = 20
 
 
 @pytest.fixture
 def path(tmp_path, random_entry):
     file = tmp_path / "many.kpred"
-    with Database.create(file) as database:
+    with Database.create(file, index_from=MANY) as database:
         database.add([random_entry(f"c{i:03d}") for i in range(40)])
         database.add([random_entry(f"t{i:03d}", "table") for i in range(5)])
     return file
@@ -41,7 +37,10 @@ def token_file(path):
 
 def test_the_token_file_follows_the_database(path, random_entry):
     names = [f"c{i:03d}" for i in range(40)]
-    with Database.open(path) as database, Database.open(path, read_only=True) as reader:
+    with (
+        Database.open(path, index_from=MANY) as database,
+        Database.open(path, read_only=True, index_from=MANY) as reader,
+    ):
         check(database, random_entry, names)
         first = token_file(path).stat()
         check(reader, random_entry, names)
@@ -64,7 +63,7 @@ def test_the_token_file_follows_the_database(path, random_entry):
 
 
 def test_a_removed_and_replaced_model_is_not_taken_from_the_old_file(path, random_entry):
-    with Database.open(path) as database:
+    with Database.open(path, index_from=MANY) as database:
         database.prepare_search()
         # The last row's number is given again to the next model.
         database.remove(["c039"])
@@ -74,16 +73,16 @@ def test_a_removed_and_replaced_model_is_not_taken_from_the_old_file(path, rando
 
 def test_the_token_file_of_another_database_or_a_damaged_one_is_not_used(path, random_entry, tmp_path):
     other = tmp_path / "other" / "many.kpred"
-    with Database.create(other) as database:
+    with Database.create(other, index_from=MANY) as database:
         database.add([random_entry(f"c{i:03d}", seed=9) for i in range(40)])
         database.prepare_search()
     names = [f"c{i:03d}" for i in range(40)]
     shutil.copy(token_file(other), token_file(path))
-    with Database.open(path) as database:
+    with Database.open(path, index_from=MANY) as database:
         check(database, random_entry, names)
     for content in (b"", b"KPRDTOK1{}", token_file(path).read_bytes()[:5000]):
         token_file(path).write_bytes(content)
-        with Database.open(path) as database:
+        with Database.open(path, index_from=MANY) as database:
             check(database, random_entry, names)
     whole = open_table(token_file(path))
     assert len(whole) == 40
@@ -92,7 +91,7 @@ def test_the_token_file_of_another_database_or_a_damaged_one_is_not_used(path, r
 def test_where_no_file_can_be_written_tokens_stay_in_memory(path, random_entry):
     token_file(path).mkdir()  # a folder is in the way
     names = [f"c{i:03d}" for i in range(40)]
-    with Database.open(path) as database:
+    with Database.open(path, index_from=MANY) as database:
         with pytest.warns(UserWarning, match="tokens-1.*kept in memory"):
             check(database, random_entry, names)
         database.add([random_entry("late")])

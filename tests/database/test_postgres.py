@@ -11,7 +11,6 @@ import pytest
 from search_reference import reference_search
 
 from kpred.database import Database, update_database
-from kpred.database import postgres as postgres_backend
 from kpred.database.build import open_or_create
 from kpred.database.postgres import PostgresBackend
 from kpred.errors import DatabaseError
@@ -81,11 +80,10 @@ def test_the_same_answers_as_a_file(address, random_entry, assert_same, tmp_path
         server.add([random_entry("x")])
 
 
-def test_very_many_models_are_found_by_the_server_s_index(address, random_entry, monkeypatch):
-    monkeypatch.setattr(postgres_backend, "LARGE", 20)
+def test_very_many_models_are_found_by_the_server_s_index(address, random_entry):
     names = [f"m{i:03d}" for i in range(300)]
     small = {"points": 4, "vertices": 4, "faces": 2}
-    with Database.create(address) as database:
+    with Database.create(address, index_from=20) as database:
         for start in range(0, 300, 100):
             database.add([random_entry(name, **small) for name in names[start : start + 100]])
         database.prepare_search()

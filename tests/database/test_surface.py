@@ -162,9 +162,8 @@ def test_every_mesh_has_a_valid_structure(name, rng):
 
 
 @pytest.mark.parametrize("name", BAD_MESHES)
-def test_every_mesh_is_encoded_and_comes_back(name, rng, network, tmp_path, monkeypatch, assert_same):
-    monkeypatch.setattr("kpred.database.encode.POINTS", 256)
-    (entry,) = encode_models([BAD_MESHES[name](rng)], [name], network, seed=0)
+def test_every_mesh_is_encoded_and_comes_back(name, rng, network, tmp_path, assert_same):
+    (entry,) = encode_models([BAD_MESHES[name](rng)], [name], network, seed=0, count=256)
     with Database.create(tmp_path / "bad.kpred") as database:
         database.add([entry])
     with Database.open(tmp_path / "bad.kpred") as database:
@@ -206,9 +205,8 @@ def test_a_stool_is_its_five_boxes(rng):
     assert item.frame.scale > 0
 
 
-def test_structures_are_those_of_the_unit_box(network, monkeypatch, assert_same):
-    monkeypatch.setattr("kpred.database.encode.POINTS", 256)
+def test_structures_are_those_of_the_unit_box(network, assert_same):
     near = boxes(np.array([[0, 0, 0], [0, 1, 0]]), np.array([[1.0, 1, 1], [1, 0.5, 0.5]]))
     far = Mesh(near.vertices * 8 + [64, -32, 16], near.faces)
-    one, other = (encode_models([mesh], ["a"], network, seed=0)[0] for mesh in (near, far))
+    one, other = (encode_models([mesh], ["a"], network, seed=0, count=256)[0] for mesh in (near, far))
     assert_same(replace(other, mesh=one.mesh, frame=one.frame, vertex_basis=one.vertex_basis), one)

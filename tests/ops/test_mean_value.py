@@ -8,7 +8,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kpred.ops import mean_value
 from kpred.ops.cage import enclosing_cage, icosphere
 from kpred.ops.mean_value import mean_value_coordinates, mean_value_reference
 
@@ -171,13 +170,17 @@ def test_an_enclosing_cage_keeps_weights_bounded() -> None:
 
 
 @BOTH
-def test_batches_and_chunks_do_not_mix(monkeypatch: pytest.MonkeyPatch, coordinates) -> None:
+def test_batches_do_not_mix(coordinates) -> None:
     cages, points = _cage(6, batch=3), _points(6, 17, batch=3)
     together = coordinates(points, cages, FACES)
     alone = torch.cat([coordinates(points[i : i + 1], cages[i : i + 1], FACES) for i in range(3)])
     torch.testing.assert_close(together, alone, rtol=0, atol=1e-13)
-    monkeypatch.setattr(mean_value, "POINT_CHUNK", 4)
-    torch.testing.assert_close(coordinates(points, cages, FACES), together, rtol=0, atol=1e-13)
+
+
+def test_chunks_of_points_do_not_mix() -> None:
+    cages, points = _cage(6, batch=3), _points(6, 17, batch=3)
+    whole = mean_value_reference(points, cages, FACES)
+    torch.testing.assert_close(mean_value_reference(points, cages, FACES, chunk=4), whole, rtol=0, atol=1e-13)
 
 
 @given(seed=st.integers(0, 99_999), size=st.sampled_from([0.3, 1.0, 2.5]), single=st.booleans())

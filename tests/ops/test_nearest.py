@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from kpred.ops import nearest
 from kpred.ops.nearest import nearest_neighbours, nearest_reference
 from kpred.ops.nearest_cpu import LANES, nearest_cpu
 
@@ -58,11 +57,10 @@ def test_near_neighbours_keep_their_digits() -> None:
 
 
 @pytest.mark.parametrize("elements", [1, 100, 777])
-def test_chunking_does_not_change_the_result(monkeypatch: pytest.MonkeyPatch, elements: int) -> None:
+def test_chunking_does_not_change_the_result(elements: int) -> None:
     query, reference = _clouds(5, 2, 70, 33)
     whole = nearest_reference(query, reference)
-    monkeypatch.setattr(nearest, "CHUNK_ELEMENTS", elements)
-    parts = nearest_reference(query, reference)
+    parts = nearest_reference(query, reference, elements)
     assert torch.equal(whole[0], parts[0])
     assert torch.equal(whole[1], parts[1])
 

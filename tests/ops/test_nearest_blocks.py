@@ -1,6 +1,7 @@
 """Nearest neighbours by blocks say what brute force says, to the bit, for whatever clouds and threads."""
 
 import multiprocessing
+from functools import partial
 
 import numpy as np
 import pytest
@@ -84,11 +85,16 @@ def test_the_curve_visits_every_cell_and_always_goes_to_a_neighbour() -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_threads_share_the_work_and_not_the_result(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worksharing, "MIN_STEPS", 1000)
-    monkeypatch.setattr(worksharing, "thread_count", lambda: threads)
+@pytest.mark.parametrize(("queries", "references"), [((3, 1000), (3, 33_400)), ((1, 100_000), (1, 600))])
+def test_threads_share_the_work_and_not_the_result(
+    queries: tuple[int, int], references: tuple[int, int], threads: int, request: pytest.FixtureRequest
+) -> None:
+    """Both are long enough for threads in the search and in one of the sorts before it."""
+    assert 20 * max(queries[0] * queries[1], references[0] * references[1]) >= worksharing.MIN_STEPS
+    request.addfinalizer(partial(torch.set_num_threads, torch.get_num_threads()))
+    torch.set_num_threads(threads)
     generator = np.random.default_rng(3)
-    query, reference = _surface(generator, (3, 1000)), _surface(generator, (3, 900))
+    query, reference = _surface(generator, queries), _surface(generator, references)
     found, plain = nearest_cpu(query, reference), nearest_reference(torch.tensor(query), torch.tensor(reference))
     np.testing.assert_array_equal(found[1], plain[1])
 

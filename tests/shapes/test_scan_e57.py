@@ -45,9 +45,8 @@ def test_a_scan_lies_where_its_pose_puts_it(points: np.ndarray, tmp_path: Path) 
     np.testing.assert_allclose(found, turned + SHIFT, atol=1e-8)
 
 
-def test_blocks_are_small(points: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scan_e57, "BLOCK_ROWS", 70)
-    blocks = list(e57_points(_write(tmp_path / "a.e57", [points])))
+def test_blocks_are_small(points: np.ndarray, tmp_path: Path) -> None:
+    blocks = list(e57_points(_write(tmp_path / "a.e57", [points]), rows=70))
     assert max(len(block) for block in blocks) == 70
     np.testing.assert_allclose(np.concatenate(blocks), points, atol=1e-12)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from kpred.errors import ScanError
-from kpred.shapes.formats import scan_laz
 from kpred.shapes.formats.scan_laz import laz_points
 from kpred.shapes.scan import read_scan
 
@@ -37,9 +36,8 @@ def test_points_are_those_that_were_written_without_noise(points: np.ndarray, tm
     np.testing.assert_allclose(read_scan(file), points[np.isin(classes, [2, 5])], atol=1e-6)
 
 
-def test_blocks_are_small(points: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scan_laz, "BLOCK_ROWS", 70)
-    blocks = list(laz_points(_write(tmp_path / "a.laz", points, np.zeros(300, int), 6)))
+def test_blocks_are_small(points: np.ndarray, tmp_path: Path) -> None:
+    blocks = list(laz_points(_write(tmp_path / "a.laz", points, np.zeros(300, int), 6), rows=70))
     assert [len(block) for block in blocks] == [70, 70, 70, 70, 20]
     np.testing.assert_allclose(np.concatenate(blocks), points, atol=1e-6)
 

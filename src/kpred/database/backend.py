@@ -17,6 +17,9 @@ from kpred.ops.typing import Float
 ATTEMPTS = 4
 """Number of attempts before a lost connection is reported."""
 
+INDEX_FROM = 20_000
+"""Models of a category from which on a token file or the server's index is searched; fewer are read into memory."""
+
 Value = TypeVar("Value")
 
 Progress = Callable[[int, int], None]

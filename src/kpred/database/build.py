@@ -13,7 +13,7 @@ from pathlib import Path
 from kpred.database.address import is_address
 from kpred.database.connection import check_replaceable, explained
 from kpred.database.database import Database
-from kpred.database.encode import prepare_mesh
+from kpred.database.encode import POINTS, prepare_mesh
 from kpred.database.encoders import Batch, Encoder, ProcessEncoder, SerialEncoder
 from kpred.database.entry import APPEARANCE, Entry
 from kpred.database.fingerprint import CONTENT
@@ -61,6 +61,7 @@ def build_database(
     encoder: Encoder | None = None,
     update: bool = False,
     keep_empty: bool = True,
+    count: int = POINTS,
 ) -> BuildReport:
     """Encode shapes (model id, category, split, mesh, ...) and put them into the database at `path`.
 
@@ -82,6 +83,7 @@ def build_database(
             database does not depend on it, but for the last digits of sums.
         update: replace models that are in the file with another mesh or other details; else they are kept and listed.
         keep_empty: keep a file that this build made and put nothing into.
+        count: points sampled on each model.
         encoder: who encodes instead, such as the workers of a cluster (`kpred.batch.ray_encoder`); it is not closed.
 
     Raises:
@@ -97,7 +99,7 @@ def build_database(
         own = encoder = SerialEncoder(model) if workers == 1 else ProcessEncoder(model, workers)
     try:
         with _alone(path):
-            plan = _Plan(batch, seed, update)
+            plan = _Plan(batch, seed, update, count)
             return _built(
                 path, lambda found: _Build(found, model, plan, progress, encoder).run(shapes), resume, keep_empty
             )
@@ -111,6 +113,7 @@ class _Plan:
     batch: int
     seed: int
     update: bool
+    count: int
 
 
 @contextmanager
@@ -241,7 +244,7 @@ class _Build:
                 metadata[APPEARANCE] = appearance.digest()
             if is_present and self._is_kept(shape, metadata):
                 return
-            prepared = prepare_mesh(shape.mesh, model_id, self.plan.seed)
+            prepared = prepare_mesh(shape.mesh, model_id, self.plan.seed, self.plan.count)
         except MeshError as error:
             self.report.failed.append((model_id, str(error)))
             return

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, func, select
 
 from kpred._version import __version__
 from kpred.database.address import is_address
-from kpred.database.backend import Backend, Progress, retry_on_disconnect
+from kpred.database.backend import INDEX_FROM, Backend, Progress, retry_on_disconnect
 from kpred.database.cached_reads import CachedReads
 from kpred.database.candidates import Candidates, stack_candidates
 from kpred.database.connection import create_file
@@ -56,32 +56,47 @@ class Database:
         self._cache = self._reads.cache
 
     @classmethod
-    def open(cls, path: str | os.PathLike[str], *, read_only: bool | None = None, timeout: float = 5.0) -> Database:
+    def open(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        read_only: bool | None = None,
+        timeout: float = 5.0,
+        index_from: int = INDEX_FROM,
+    ) -> Database:
         """Open an existing database; read-only if requested, or if the file may not be written.
 
-        `timeout`: seconds to wait while another process writes, before giving up.
+        `timeout`: seconds to wait while another process writes, before giving up. `index_from`: models of a category
+        from which on an index on disk is searched.
         Raises DatabaseError: missing, empty, foreign, damaged, older or newer than this program, locked.
         """
         if is_address(path):
-            return cls(PostgresBackend(path, bool(read_only), timeout))
+            return cls(PostgresBackend(path, bool(read_only), timeout, index_from=index_from))
         file = Path(path)
         if read_only is None:
             read_only = file.exists() and not os.access(file, os.W_OK)
-        return cls(SqliteBackend(file, read_only, timeout))
+        return cls(SqliteBackend(file, read_only, timeout, index_from))
 
     @classmethod
-    def create(cls, path: str | os.PathLike[str], *, overwrite: bool = False, timeout: float = 5.0) -> Database:
-        """Make an empty database and open it; folders on the way to it are made.
+    def create(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        overwrite: bool = False,
+        timeout: float = 5.0,
+        index_from: int = INDEX_FROM,
+    ) -> Database:
+        """Make an empty database and open it as `open` does; folders on the way to it are made.
 
         Raises DatabaseError: it exists already and `overwrite` is not set, or cannot be written.
         """
         if is_address(path):
-            return cls(PostgresBackend(path, False, timeout, create=__version__))
+            return cls(PostgresBackend(path, False, timeout, create=__version__, index_from=index_from))
         file = Path(path)
         if file.exists() and not overwrite:
             raise DatabaseError(f"Database {file} exists already; open it, or choose another name.")
         create_file(file, __version__, overwrite)
-        return cls(SqliteBackend(file, False, timeout))
+        return cls(SqliteBackend(file, False, timeout, index_from))
 
     @staticmethod
     def exists(path: str | os.PathLike[str]) -> bool:

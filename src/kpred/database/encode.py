@@ -48,8 +48,8 @@ class PreparedMesh:
         mesh: without faces of zero area and unused vertices, in its own frame and units.
         frame: from there into the unit box.
         vertices: (V, 3) float32, unit box.
-        points: (2048, 3) float32, unit box.
-        point_faces: (2048,) int64, the face of `mesh` that each point lies on.
+        points: (N, 3) float32, unit box.
+        point_faces: (N,) int64, the face of `mesh` that each point lies on.
     """
 
     model_id: str
@@ -60,8 +60,8 @@ class PreparedMesh:
     point_faces: Tensor
 
 
-def prepare_mesh(mesh: Mesh, model_id: str, seed: int) -> PreparedMesh:
-    """Clean a mesh, scale it to its unit box and sample it; points depend on mesh, id and seed only.
+def prepare_mesh(mesh: Mesh, model_id: str, seed: int, count: int = POINTS) -> PreparedMesh:
+    """Clean a mesh, scale it to its unit box and sample `count` points, which depend on mesh, id and seed only.
 
     Raises:
         MeshError: no face has an area, or the box has no size.
@@ -74,7 +74,7 @@ def prepare_mesh(mesh: Mesh, model_id: str, seed: int) -> PreparedMesh:
     vertices = torch.from_numpy(to_unit_box(mesh, frame))
     # torch keeps 32 bits of a seed on the CPU, so both go into one checksum.
     generator = torch.Generator().manual_seed(zlib.crc32(f"{seed} {model_id}".encode()))
-    points, point_faces = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), POINTS, generator)
+    points, point_faces = sample_surface(vertices, torch.from_numpy(mesh.faces).long(), count, generator)
     return PreparedMesh(model_id, mesh, frame, vertices, points, point_faces)
 
 
@@ -89,11 +89,12 @@ def encode_models(
     network: KPRed,
     seed: int,
     metadata: Sequence[dict[str, str]] | None = None,
+    count: int = POINTS,
 ) -> list[Entry]:
     """Encode meshes of the network's category as entries, in one batch, on the network's device.
 
     `seed`: of the sampling; each model's points depend on it and on the model's id alone, not on the others.
-    `metadata`: recorded with each model; none by default.
+    `metadata`: recorded with each model; none by default. `count`: points sampled on each.
     The entries are as a database gives them back (`Entry.rounded`).
 
     Raises:
@@ -101,7 +102,7 @@ def encode_models(
     """
     if not len(meshes) == len(model_ids) == len(metadata or meshes):
         raise ValueError(f"{len(meshes)} meshes, {len(model_ids)} ids and {len(metadata or meshes)} metadata")
-    prepared = [prepare_mesh(mesh, name, seed) for mesh, name in zip(meshes, model_ids, strict=True)]
+    prepared = [prepare_mesh(mesh, name, seed, count) for mesh, name in zip(meshes, model_ids, strict=True)]
     return encode_prepared(prepared, network, metadata)
 
 

@@ -20,7 +20,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from kpred.database.address import masked
 from kpred.database.arrays import DamagedArray
-from kpred.database.backend import Added, ConnectionLost, Progress
+from kpred.database.backend import INDEX_FROM, Added, ConnectionLost, Progress
 from kpred.database.postgres_schema import check_tables, make_tables, revision
 from kpred.database.rows import CategoryTokens, count_tokens, new_epoch, read_tokens
 from kpred.database.search import (
@@ -34,9 +34,6 @@ from kpred.database.search import (
     nearest,
 )
 from kpred.errors import ConfigError, DatabaseError
-
-LARGE = 20_000
-"""Models of a category from which on the server's index is used."""
 
 MAX_DIMENSIONS = 2000
 """Numbers of a vector that an HNSW index takes; longer tokens are compared one by one, by the server."""
@@ -79,6 +76,7 @@ class PostgresBackend:
         timeout: float,
         create: str | None = None,
         check: bool = True,
+        index_from: int = INDEX_FROM,
     ) -> None:
         """Connect, and make the tables (`create`: by which version of kpred) or check that they are up to date.
 
@@ -104,6 +102,7 @@ class PostgresBackend:
         except (ImportError, NoSuchModuleError) as error:
             raise ConfigError("PostgreSQL needs psycopg and Alembic; pip install 'kpred[postgres]'.") from error
         self.read_only = read_only
+        self._index_from = index_from
         self._patience: tuple[float, ...] = ()
         try:
             if create is not None:
@@ -181,7 +180,7 @@ class PostgresBackend:
         counted = count_tokens(connection, category)
         if counted is None:
             return None
-        if counted.models < LARGE:
+        if counted.models < self._index_from:
             return TokenIndex(*read_tokens(connection, counted))
         if counted.keypoints * counted.token_size <= MAX_DIMENSIONS and not self.read_only:
             self.make_index(counted)

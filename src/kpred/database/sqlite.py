@@ -10,16 +10,13 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from kpred.database.backend import Added, Progress
+from kpred.database.backend import INDEX_FROM, Added, Progress
 from kpred.database.connection import explained, open_file
 from kpred.database.rows import CategoryTokens, count_tokens, read_epoch, read_tokens, stream_tokens
 from kpred.database.search import Index, TokenIndex
 from kpred.database.token_file import Rows, make_table, open_table
 from kpred.database.token_table import GrowingIndex, TableKey, TokenTable
 from kpred.errors import DatabaseError, OutputError
-
-LARGE = 20_000
-"""Models of a category from which on it is searched by a token file; fewer are read into memory."""
 
 _GROWTH = 8
 """A table is made anew when more than one model for every so many has been added since."""
@@ -30,10 +27,11 @@ class SqliteBackend:
 
     one_at_a_time = True
 
-    def __init__(self, path: Path, read_only: bool, timeout: float) -> None:
+    def __init__(self, path: Path, read_only: bool, timeout: float, index_from: int = INDEX_FROM) -> None:
         """Open the file; raises DatabaseError when it is no database that can be read."""
         self.path = path
         self.read_only = read_only
+        self._index_from = index_from
         self._engine = open_file(path, read_only, timeout)
         with self._engine.connect() as connection:  # the only one there is
             self._driver: sqlite3.Connection = connection.connection.driver_connection  # type: ignore[assignment]
@@ -77,7 +75,7 @@ class SqliteBackend:
         if counted is None:
             return None
         epoch = read_epoch(connection)
-        if counted.models < LARGE or epoch is None:
+        if counted.models < self._index_from or epoch is None:
             return TokenIndex(*read_tokens(connection, counted))
         table = self._table(connection, counted, epoch, progress)
         later = counted.models - len(table)

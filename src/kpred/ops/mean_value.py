@@ -35,9 +35,10 @@ def mean_value_reference(
     points: Float[Tensor, "batch points 3"],
     cage: Float[Tensor, "batch vertices 3"],
     faces: Int[Tensor, "faces 3"],
+    chunk: int = POINT_CHUNK,
 ) -> Float[Tensor, "batch points vertices"]:
-    """Compute `mean_value_coordinates` in plain torch, by chunks of points; differentiable, on every device."""
-    parts = [_coordinates(part.double(), cage.double(), faces) for part in points.split(POINT_CHUNK, dim=1)]
+    """Compute `mean_value_coordinates` in plain torch, `chunk` points at once; differentiable, on every device."""
+    parts = [_coordinates(part.double(), cage.double(), faces) for part in points.split(chunk, dim=1)]
     return torch.cat(parts, dim=1).to(points.dtype)
 
 

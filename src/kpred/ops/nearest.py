@@ -66,10 +66,12 @@ def _array(clouds: Tensor) -> np.ndarray:
 
 
 def nearest_reference(
-    query: Float[Tensor, "batch query 3"], reference: Float[Tensor, "batch reference 3"]
+    query: Float[Tensor, "batch query 3"],
+    reference: Float[Tensor, "batch reference 3"],
+    elements: int = CHUNK_ELEMENTS,
 ) -> tuple[Float[Tensor, "batch query"], Int[Tensor, "batch query"]]:
-    """Find `nearest_neighbours` in plain torch, by chunks of the query; on every device and precision."""
-    chunk = max(1, CHUNK_ELEMENTS // (len(query) * reference.shape[1]))
+    """Find `nearest_neighbours` in plain torch, `elements` pairs at once; on every device and precision."""
+    chunk = max(1, elements // (len(query) * reference.shape[1]))
     found = []
     for part in query.split(chunk, dim=1):
         found.append(squared_distance_matrix(part, reference).min(dim=2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,21 +42,21 @@ def find_up(points: Float[np.ndarray, "points 3"]) -> list[str]:
     return order[:1] if scores[order[0]] - scores[order[1]] > CLEAR_LOG_ODDS else order[:2]
 
 
-def up_scores(points: Float[np.ndarray, "points 3"]) -> dict[str, float]:
-    """Return the log-odds of each axis (x, y, z, -x, -y, -z) for pointing up, up to a constant."""
+def up_scores(points: Float[np.ndarray, "points 3"], names: Iterable[str] = UP_AXES) -> dict[str, float]:
+    """Return the log-odds of each of these axes (x, y, z, -x, -y, -z) for pointing up, up to a constant."""
     rows = np.linspace(0, len(points) - 1, min(len(points), SAMPLE)).astype(np.int64)
     sample = points[rows] - points[rows].mean(axis=0)
     distance = np.linalg.norm(sample, axis=1)
     sample = sample[distance <= np.quantile(distance, 0.99)]
     size = 2.0 * float(distance.max())
     if len(sample) < 64 or size <= 0:
-        return dict(PRIOR)
+        return {name: PRIOR[name] for name in names}
     sample = sample / size
     near = neighbourhood(sample)
     some = np.arange(0, len(sample), max(1, len(sample) // 1024))
     normals = neighbour_normals(sample, np.column_stack([some, near.index[some]]))
     whole = _Surface(sample, sample[some], *normals)
-    axes = {name: np.array(axis, dtype=np.float64) for name, axis in UP_AXES.items()}
+    axes = {name: np.array(UP_AXES[name], dtype=np.float64) for name in names}
     scores = {name: PRIOR[name] + float(_evidence(whole, up) @ WEIGHTS) for name, up in axes.items()}
     likely = [name for name in axes if scores[name] > max(scores.values()) - MAX_FLOOR_DEFICIT]
     for name in likely:

@@ -321,12 +321,10 @@ def test_nodes_in_a_circle_are_one_sentence(textured_glb):
     assert "\n" not in str(failure.value)
 
 
-def test_textures_that_are_too_large_are_left_out_with_a_warning(tmp_path, monkeypatch):
+def test_textures_that_are_too_large_are_left_out_with_a_warning(tmp_path):
     from kpred.shapes.appearance.companions import find_companion
 
     (tmp_path / "big.png").write_bytes(bytes(2000))
-    monkeypatch.setattr("kpred.shapes.appearance.companions.MAX_BYTES", 2000)
-    assert find_companion(tmp_path / "a.obj", ["big.png"]) == ("big.png", bytes(2000))
-    monkeypatch.setattr("kpred.shapes.appearance.companions.MAX_BYTES", 1999)
+    assert find_companion(tmp_path / "a.obj", ["big.png"], 2000) == ("big.png", bytes(2000))
     with pytest.warns(UserWarning, match=r"a\.obj: its big\.png of 0 MB is too large and left out"):
-        assert find_companion(tmp_path / "a.obj", ["big.png"]) is None
+        assert find_companion(tmp_path / "a.obj", ["big.png"], 1999) is None

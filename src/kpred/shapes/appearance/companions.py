@@ -13,7 +13,7 @@ MAX_BYTES = 1 << 27
 """Larger files are left out, with a warning; a picture of 8192 x 8192 pixels takes some 60 MB."""
 
 
-def find_companion(mesh: Path, names: Iterable[str]) -> tuple[str, bytes] | None:
+def find_companion(mesh: Path, names: Iterable[str], max_bytes: int = MAX_BYTES) -> tuple[str, bytes] | None:
     """Read the first of these names that is a file in the folder of the mesh, or below; None where none is."""
     for name in names:
         plain = unquote(name).replace("\\", "/").strip().strip('"')
@@ -25,7 +25,7 @@ def find_companion(mesh: Path, names: Iterable[str]) -> tuple[str, bytes] | None
             try:
                 if not file.is_file() or leads_outside(file, mesh):
                     continue
-                if file.stat().st_size <= MAX_BYTES:
+                if file.stat().st_size <= max_bytes:
                     return relative.name, file.read_bytes()
                 size = file.stat().st_size / 1e6
                 warnings.warn(f"{mesh}: its {relative.name} of {size:.0f} MB is too large and left out.", stacklevel=2)

@@ -15,8 +15,8 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 
 
-def e57_points(path: Path) -> Iterator[np.ndarray]:
-    """Yield (n, 3) float64 blocks of the valid points of all scans of an E57 file, each by its pose.
+def e57_points(path: Path, rows: int = BLOCK_ROWS) -> Iterator[np.ndarray]:
+    """Yield (n, 3) float64 blocks, n <= `rows`, of the valid points of all scans of an E57 file, each by its pose.
 
     Raises:
         ScanError: pye57 is not installed, or the file is damaged or cut short, or holds no scans.
@@ -35,7 +35,7 @@ def e57_points(path: Path) -> Iterator[np.ndarray]:
             scans = root["data3D"] if root.isDefined("data3D") else ()
             count = len(scans)
             for number in range(count):
-                yield from _scan_points(libe57, file, ScanHeader(scans[number]))
+                yield from _scan_points(libe57, file, ScanHeader(scans[number]), rows)
         finally:
             file.close()
     except GeneratorExit:
@@ -46,13 +46,13 @@ def e57_points(path: Path) -> Iterator[np.ndarray]:
         raise ScanError(f"{path}: it holds no scans; export the point clouds of the project, not its pictures.")
 
 
-def _scan_points(libe57: Any, file: Any, header: Any) -> Iterator[np.ndarray]:
+def _scan_points(libe57: Any, file: Any, header: Any, rows: int) -> Iterator[np.ndarray]:
     """Yield blocks of the valid points of one scan, in the file's frame."""
     fields = set(header.point_fields)
     is_spherical = not set(_CARTESIAN) <= fields
     places = _SPHERICAL if is_spherical else _CARTESIAN
     invalid = "sphericalInvalidState" if is_spherical else "cartesianInvalidState"
-    rows = max(1, min(BLOCK_ROWS, header.point_count))
+    rows = max(1, min(rows, header.point_count))
     columns = {name: np.empty(rows) for name in places}
     if invalid in fields:
         columns[invalid] = np.zeros(rows)

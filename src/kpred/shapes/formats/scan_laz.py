@@ -12,8 +12,8 @@ from kpred.shapes.formats.records import BLOCK_ROWS
 from kpred.shapes.formats.scan_las import NOISE
 
 
-def laz_points(path: Path) -> Iterator[np.ndarray]:
-    """Yield (n, 3) float64 blocks of the points of a LAZ file, without noise and withheld points.
+def laz_points(path: Path, rows: int = BLOCK_ROWS) -> Iterator[np.ndarray]:
+    """Yield (n, 3) float64 blocks, n <= `rows`, of the points of a LAZ file, without noise and withheld points.
 
     Raises:
         ScanError: laspy or lazrs is not installed, or the file is damaged or cut short.
@@ -28,7 +28,7 @@ def laz_points(path: Path) -> Iterator[np.ndarray]:
         # One thread: the other decoder holds many blocks at once.
         with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader:
             count = int(reader.header.point_count)
-            for block in reader.chunk_iterator(BLOCK_ROWS):
+            for block in reader.chunk_iterator(rows):
                 read += len(block)
                 valid = ~np.isin(np.asarray(block.classification), NOISE) & (np.asarray(block.withheld) == 0)
                 yield np.stack([np.asarray(axis, dtype=np.float64) for axis in (block.x, block.y, block.z)], axis=1)[
