@@ -159,11 +159,9 @@ def deformation_basis(
     cage: Float[Tensor, "vertices 3"],
     influence: Float[Tensor, "keypoints vertices"],
     network: KPRed,
+    chunk: int = _VERTEX_CHUNK,
 ) -> Float[Tensor, "positions keypoints"]:
-    """Compute B = W I^T: deformed positions are positions + B (K_target - K_source), unit box."""
+    """Compute B = W I^T, `chunk` rows at once: deformed positions are positions + B (K_target - K_source), unit box."""
     faces = icosphere(network.config.cage_subdivisions)[1].to(positions.device)
-    parts = [
-        mean_value_coordinates(part[None], cage[None], faces)[0] @ influence.T
-        for part in positions.split(_VERTEX_CHUNK)
-    ]
+    parts = [mean_value_coordinates(part[None], cage[None], faces)[0] @ influence.T for part in positions.split(chunk)]
     return torch.cat(parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,17 @@ KEEP_THICKNESS = 1.0
 ROBUST, MIN_SCALE = 25.0, 1e-4
 """Matches farther than this times the median squared distance count less and less; least such distance."""
 
-Demands = Callable[[np.ndarray, int], tuple[np.ndarray, np.ndarray, float]]
-"""From a solution and an axis to rows (D, U), changes (D,) that they should bring, and their weight."""
+
+class Demand(NamedTuple):
+    """Rows (D, U) of unknowns along one axis, the changes (D,) that they should bring, and their common weight."""
+
+    rows: np.ndarray
+    changes: np.ndarray
+    weight: float
+
+
+Demands = Callable[[np.ndarray, int], Demand]
+"""From a solution and an axis to what is demanded of its change."""
 
 
 def refit_solution(

@@ -18,7 +18,7 @@ from kpred.refinement.part_points import PartPoints
 from kpred.refinement.structure_basis import KINDS, StructureBasis
 from kpred.studio.gestures import WHOLE
 from kpred.studio.limits import Limits
-from kpred.studio.refit import refit_solution
+from kpred.studio.refit import Demand, refit_solution
 from kpred.studio.shape import Held, Shape
 
 EXACT = 100.0
@@ -85,11 +85,11 @@ class _Demands:
     weights: np.ndarray
 
     @classmethod
-    def together(cls, *parts: tuple[np.ndarray, np.ndarray, float]) -> _Demands:
-        weights = [np.full(len(changes), weight) for _, changes, weight in parts]
+    def together(cls, *parts: Demand) -> _Demands:
+        weights = [np.full(len(one.changes), one.weight) for one in parts]
         return cls(
-            np.concatenate([one[0] for one in parts]),
-            np.concatenate([one[1] for one in parts]),
+            np.concatenate([one.rows for one in parts]),
+            np.concatenate([one.changes for one in parts]),
             np.concatenate(weights),
         )
 
@@ -172,18 +172,18 @@ class StructureShape(Shape):
         rest = [one for one in range(count) if one not in keypoints and one not in pins]
         ends = model.ends.rows(axis)
         return _Demands.together(
-            (model.keypoints.rows(axis, np.array(keypoints)), np.zeros(len(keypoints)), EXACT),
+            Demand(model.keypoints.rows(axis, np.array(keypoints)), np.zeros(len(keypoints)), EXACT),
             self._pinned(held, pins, axis),
             self._sized(held, axis),
-            (model.keypoints.rows(axis, np.array(rest, np.int64)), np.zeros(len(rest)), KEEP_KEYPOINT),
-            (ends, np.zeros(len(ends)), KEEP_END),
+            Demand(model.keypoints.rows(axis, np.array(rest, np.int64)), np.zeros(len(rest)), KEEP_KEYPOINT),
+            Demand(ends, np.zeros(len(ends)), KEEP_END),
             self._thin(held, axis),
         )
 
-    def _thin(self, held: Held, axis: int) -> tuple[np.ndarray, np.ndarray, float]:
+    def _thin(self, held: Held, axis: int) -> Demand:
         sized = {part for part, along in held.sizes if along == axis}
         thin = [part for part in np.flatnonzero(self._sides(axis) < THIN) if int(part) not in sized]
-        return self.model.basis.growth[thin, axis], np.zeros(len(thin)), KEEP_THICKNESS
+        return Demand(self.model.basis.growth[thin, axis], np.zeros(len(thin)), KEEP_THICKNESS)
 
     def _sides(self, axis: int) -> np.ndarray:
         """(C,) sides of the parts' boxes along one axis."""
@@ -191,15 +191,15 @@ class StructureShape(Shape):
         found: np.ndarray = 2.0 * basis.half[:, axis] + basis.growth[:, axis] @ self.solution[axis]
         return found
 
-    def _pinned(self, held: Held, pins: list[int], axis: int) -> tuple[np.ndarray, np.ndarray, float]:
+    def _pinned(self, held: Held, pins: list[int], axis: int) -> Demand:
         changes = np.array([float(held.pins[pin][axis] - self.keypoints[pin, axis]) for pin in pins])
-        return self.model.keypoints.rows(axis, np.array(pins, np.int64)), changes, EXACT
+        return Demand(self.model.keypoints.rows(axis, np.array(pins, np.int64)), changes, EXACT)
 
-    def _sized(self, held: Held, axis: int) -> tuple[np.ndarray, np.ndarray, float]:
+    def _sized(self, held: Held, axis: int) -> Demand:
         wanted = [(part, length) for (part, along), length in held.sizes.items() if along == axis]
         rows = [self._length_row(part, axis) for part, _ in wanted]
         changes = [length - float(self.sizes(part)[axis]) for part, length in wanted]
-        return np.array(rows).reshape(len(rows), self.model.basis.unknowns), np.array(changes), EXACT
+        return Demand(np.array(rows).reshape(len(rows), self.model.basis.unknowns), np.array(changes), EXACT)
 
     def _length_row(self, part: int, axis: int) -> np.ndarray:
         """(U,) growth of a part, or of the whole object, by the unknowns."""
@@ -247,9 +247,9 @@ class StructureShape(Shape):
         rest = self._resting(axis)
         demands = _Demands.together(
             self._sized(held, axis),
-            (scaled, np.zeros(len(long)), KEEP_LENGTH),
+            Demand(scaled, np.zeros(len(long)), KEEP_LENGTH),
             self._thin(held, axis),
-            (rest, np.zeros(len(rest)), KEEP_PLACE),
+            Demand(rest, np.zeros(len(rest)), KEEP_PLACE),
         )
         solution = self.solution.copy()
         solution[axis] += _Responses(model, axis, demands).change(solution[axis], demands.changes)
@@ -269,10 +269,11 @@ class StructureShape(Shape):
         """Fit the unknowns to the points of the scan; pinned keypoints and typed sizes stay."""
         pins = list(held.pins)
 
-        def demanded(solution: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, float]:
+        def demanded(solution: np.ndarray, axis: int) -> Demand:
             at = replace(self, solution=solution)
             parts = at._pinned(held, pins, axis), at._sized(held, axis)
-            return np.concatenate([one[0] for one in parts]), np.concatenate([one[1] for one in parts]), EXACT
+            rows, changes = [one.rows for one in parts], [one.changes for one in parts]
+            return Demand(np.concatenate(rows), np.concatenate(changes), EXACT)
 
         model = self.model
         thin = 2.0 * model.basis.half < THIN

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from kpred.ops.rotations import Y_TO_Z
-from kpred.synthetic.rooms.pack import RoomPack
+from kpred.synthetic.rooms.pack import RoomPack, RoomPoints
 
 
-def upright_room(pack: RoomPack, index: int, yaw: float) -> tuple[np.ndarray, np.ndarray, slice]:
-    """Return points (N, 3) of a room, metres, z up, turned by `yaw` (radians), instances (N,), rows of its objects."""
-    points, instance, objects = pack.room(index)
-    return points.astype(np.float64) @ room_rotation(yaw).T, instance, objects
+def upright_room(pack: RoomPack, index: int, yaw: float) -> RoomPoints:
+    """Return a room as `RoomPack.room`, in float64, z up, turned by `yaw` (radians)."""
+    room = pack.room(index)
+    return room._replace(points=room.points.astype(np.float64) @ room_rotation(yaw).T)
 
 
 def room_rotation(yaw: float) -> np.ndarray:

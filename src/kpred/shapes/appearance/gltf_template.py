@@ -7,7 +7,7 @@ import copy
 import json
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,12 +32,22 @@ _WHITE = base64.b64decode(
 """One pixel, in place of a texture that is missing."""
 
 
-def read_gltf_template(path: Path) -> tuple[dict[str, bytes], np.ndarray, np.ndarray]:
-    """Read a glTF file without its positions, animations, skins and morph targets.
+class GltfTemplate(NamedTuple):
+    """A glTF file without its positions, and the positions.
 
-    Returns:
-        Files by name (`model.gltf`, `model.bin`), the positions (n, 3) of all vertices in the world of the file, and
-        (n,) the row of each among the vertices that `read_gltf` reads, -1 for those that it leaves out.
+    Attributes:
+        files: by name (`model.gltf`, `model.bin`).
+        positions: (n, 3) of all vertices, in the world of the file.
+        rows: (n,) the row of each among the vertices that `read_gltf` reads, -1 for those that it leaves out.
+    """
+
+    files: dict[str, bytes]
+    positions: np.ndarray
+    rows: np.ndarray
+
+
+def read_gltf_template(path: Path) -> GltfTemplate:
+    """Read a glTF file without its positions, animations, skins and morph targets.
 
     Raises:
         MeshError: damaged, or a node flattens its mesh, so that new positions cannot be expressed in it.
@@ -46,7 +56,7 @@ def read_gltf_template(path: Path) -> tuple[dict[str, bytes], np.ndarray, np.nda
     builder.build()
     binary = bytes(builder.buffer.data)
     files = {"model.gltf": json.dumps(builder.content, separators=(",", ":")).encode(), "model.bin": binary}
-    return (
+    return GltfTemplate(
         files,
         np.concatenate([np.zeros((0, 3)), *builder.positions]),
         np.concatenate([[], *builder.rows]).astype(int),

@@ -51,11 +51,12 @@ def _appearance(file: Path, whole: Mesh, stood: Mesh, kept: Int[np.ndarray, " ke
             return None
         rows, positions = places, stood.vertices.astype(np.float64)
     elif extension in (".glb", ".gltf"):
-        files, found, read = read_gltf_template(file)
+        template = read_gltf_template(file)
+        files, read = template.files, template.rows
         if len(stood.vertices) != read.max(initial=-1) + 1:
             return None
         rows = np.where(read >= 0, places[np.maximum(read, 0)], -1)
-        positions = scale * found @ rotation.T
+        positions = scale * template.positions @ rotation.T
     else:
         return None
     vertex_map, offsets = map_vertices(positions, rows, stood.vertices[kept].astype(np.float64))

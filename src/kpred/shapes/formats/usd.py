@@ -18,20 +18,20 @@ from kpred.shapes.formats.usd_process import MEMORY_EXIT
 
 USD_EXTENSIONS = (".usd", ".usda", ".usdc", ".usdz")
 
-_SECONDS, _BYTES_A_SECOND = 9.0, 200_000
+SECONDS, _BYTES_A_SECOND = 9.0, 200_000
 """Time that reading may take, and bytes of the file for each further second."""
 
 
-def read_usd(path: Path) -> Geometry:
+def read_usd(path: Path, seconds: float = SECONDS) -> Geometry:
     """Read vertices, faces and parts of the visible meshes, solids and points of a USD file, in its world.
 
     A part is one prim, or one instance of it. References are followed within the file's folder. Up axis and unit of the
-    file are left as they are.
+    file are left as they are. Small files are given up after `seconds`.
 
     Raises:
         MeshError: usd-core is not installed, or the file is damaged, refers to others outside, or is too large.
     """
-    return _geometry(_found(path))
+    return _geometry(_found(path, seconds))
 
 
 def read_usd_up(path: Path) -> tuple[Geometry, str]:
@@ -40,13 +40,13 @@ def read_usd_up(path: Path) -> tuple[Geometry, str]:
     return _geometry(found), "z" if str(found["up"]).lower() == "z" else "y"
 
 
-def _found(path: Path) -> dict[str, np.ndarray]:
+def _found(path: Path, seconds: float = SECONDS) -> dict[str, np.ndarray]:
     """Return the arrays of a file, or raise what is wrong with it."""
     if find_spec("pxr") is None:
         raise MeshError(f"{path}: USD needs usd-core: pip install 'kpred[usd]', or save it as .glb or .obj.")
     with TemporaryDirectory(prefix="kpred-") as folder:
         out = Path(folder) / "found.npz"
-        found = _read(path, out)
+        found = _read(path, out, seconds)
         if "problem" in found:
             raise MeshError(f"{path}: {found['problem']}.")
     return found
@@ -58,12 +58,12 @@ def _geometry(found: dict[str, np.ndarray]) -> Geometry:
     return Geometry(vertices, faces, parts.astype(np.int64)[polygon])
 
 
-def _read(path: Path, out: Path) -> dict[str, np.ndarray]:
+def _read(path: Path, out: Path, seconds: float) -> dict[str, np.ndarray]:
     """Run the process that reads; return its arrays."""
     script = Path(__file__).with_name("usd_process.py")
     command = [sys.executable, "-P", str(script), str(path.absolute()), str(out)]
     # One thread: composition of several would hold more memory than the file needs.
-    seconds = _SECONDS + path.stat().st_size / _BYTES_A_SECOND
+    seconds += path.stat().st_size / _BYTES_A_SECOND
     environment = os.environ | {"PXR_WORK_THREAD_LIMIT": "1", "OMP_NUM_THREADS": "1"}
     try:
         code = subprocess.run(

@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,14 @@ GRID = 24
 
 GRID_REACH = 1.25
 """Half side of a visibility grid, in half longest sides of the object's box, about the middle of that box."""
+
+
+class RoomPoints(NamedTuple):
+    """Points (N, 3) float of one room in metres, their instances (N,), and the rows of its objects in the pack."""
+
+    points: np.ndarray
+    instance: np.ndarray
+    objects: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +103,12 @@ class RoomPack:
     def __len__(self) -> int:
         return len(self.scanner)
 
-    def room(self, index: int) -> tuple[np.ndarray, np.ndarray, slice]:
-        """Return points (N, 3) float32 in metres, their instances (N,), and the rows of the room's objects."""
+    def room(self, index: int) -> RoomPoints:
+        """Return one room; its points are float32, y up."""
         rows = slice(int(self.point_offsets[index]), int(self.point_offsets[index + 1]))
         objects = slice(int(self.object_offsets[index]), int(self.object_offsets[index + 1]))
-        return self.points[rows].astype(np.float32) * np.float32(UNIT), self.instance[rows], objects
+        points = self.points[rows].astype(np.float32) * np.float32(UNIT)
+        return RoomPoints(points, self.instance[rows], objects)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the pack as a compressed npz, whole or not at all.
