@@ -18,8 +18,8 @@ from kpred.shapes.pack import MeshPack
 from kpred.synthetic.generator import generate
 from kpred.training.config import PAPER, TrainConfig
 from kpred.training.data import TrainingData, prepare
+from kpred.training.losses import STAGE_CLASSES, RetrievalStage
 from kpred.training.run import new_network
-from kpred.training.stages import STAGE_CLASSES, RetrievalStage
 
 POINTS = 2048
 

@@ -13,7 +13,7 @@ from kpred.nn import STAGES, KPRed
 from kpred.training.config import TrainConfig
 from kpred.training.data import TrainingData
 from kpred.training.loop import optimise
-from kpred.training.stages import STAGE_CLASSES
+from kpred.training.losses import STAGE_CLASSES
 
 FRACTIONS = {"deformation": 0.34, "retrieval": 0.32, "partial": 0.34}
 """Of the time that is left after the data are prepared; all rows have the second stage, so that its steps are slow."""

@@ -33,8 +33,8 @@ from kpred.training.ablations import FULL_ROWS, ROWS, Ablation, AblationRuns, de
 from kpred.training.config import PAPER, TrainConfig
 from kpred.training.data import TrainingData, prepare
 from kpred.training.loop import optimise
+from kpred.training.losses import STAGE_CLASSES
 from kpred.training.run import new_network
-from kpred.training.stages import STAGE_CLASSES
 
 GRACE = 15.0
 """Seconds over the end after which what still runs is stopped."""

@@ -39,11 +39,11 @@ from kpred.shapes.pack import MeshPack
 from kpred.training.config import PAPER, StageConfig, TrainConfig
 from kpred.training.data import prepare
 from kpred.training.loop import optimise, train_stage
+from kpred.training.losses import STAGE_CLASSES
 from kpred.training.recognition import RecognitionStage
 from kpred.training.recognition_config import RecognitionConfig
 from kpred.training.recognition_data import prepare_recognition
 from kpred.training.run import new_network
-from kpred.training.stages import STAGE_CLASSES
 
 FRACTIONS = {"deformation": 0.35, "retrieval": 0.2, "partial": 0.45}
 """Of the time that is left after the data are prepared."""

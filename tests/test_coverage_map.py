@@ -141,7 +141,7 @@ COVERED_BY = {
     "training/*.py": "training/test_run.py",
     "training/recognition_*.py": "training/test_recognition.py",
     "training/dense_clouds.py": "training/test_visibility.py",
-    "training/single_stage.py": "training/test_stages.py",
+    "training/single_stage.py": "training/test_losses.py",
     "training/single_stage_run.py": "training/test_recognition.py",
     "training/visibility_*.py": "training/test_visibility.py",
     "training/visibility_crops.py": "training/test_room_crops.py",

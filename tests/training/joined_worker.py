@@ -15,8 +15,8 @@ import torch
 
 from kpred.training.distributed import OtherProcessFailedError, World, join_processes
 from kpred.training.loop import train_stage
+from kpred.training.losses import DeformationStage
 from kpred.training.run import new_network
-from kpred.training.stages import DeformationStage
 
 TROUBLED_STEP = 3
 """Step (counted from 0) in which something goes wrong."""

@@ -16,8 +16,8 @@ from kpred.nn import load_network
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.distributed import SINGLE, World
 from kpred.training.loop import train_stage
+from kpred.training.losses import DeformationStage
 from kpred.training.run import new_network
-from kpred.training.stages import DeformationStage
 
 WORKER = Path(__file__).with_name("joined_worker.py")
 STEPS = 5

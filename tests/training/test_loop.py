@@ -12,8 +12,8 @@ from kpred.nn import load_network
 from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig
 from kpred.training.loop import learning_rate, train_stage
+from kpred.training.losses import DeformationStage
 from kpred.training.run import new_network
-from kpred.training.stages import DeformationStage
 
 
 class Stopped(Exception):

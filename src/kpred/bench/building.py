@@ -18,8 +18,8 @@ from kpred.ops.mean_value import mean_value_reference
 from kpred.synthetic.generator import generate
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import prepare
+from kpred.training.losses import DeformationStage
 from kpred.training.run import new_network
-from kpred.training.stages import DeformationStage
 
 
 def build_figure(model: Model, work: Path, models: int = 48) -> Figure:

@@ -17,8 +17,8 @@ from kpred.training.checkpoint import Checkpoint
 from kpred.training.config import StageConfig, TrainConfig
 from kpred.training.data import TrainingData
 from kpred.training.distributed import SINGLE, StopAllProcesses, World
+from kpred.training.losses import STAGE_CLASSES
 from kpred.training.run_folder import run_folder
-from kpred.training.stages import STAGE_CLASSES
 
 GRADIENT_NORM = 1.0
 """Gradients are clipped to this norm: the first steps after the warm-up would explode otherwise."""

@@ -6,7 +6,7 @@ import torch
 from kpred.nn import STAGES, KPRed
 from kpred.ops import nearest_neighbours
 from kpred.training.config import PAPER
-from kpred.training.stages import STAGE_CLASSES
+from kpred.training.losses import STAGE_CLASSES
 
 
 def _losses(network: KPRed, data, config, stage: str, step: int = 100, seed: int = 0):
