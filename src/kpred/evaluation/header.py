@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from kpred._version import __version__
+from kpred.evaluation.methods.method import Method
 from kpred.nn import KPRed, Model
 
 
@@ -23,6 +25,12 @@ def provenance(model: Model) -> dict[str, Any]:
         "settings": {category: network.config.to_dict() for category, network in model.items()},
         "recognizer": model.recognizer is not None,
     }
+
+
+def models_of(models: Mapping[str, Model], methods: Sequence[Method]) -> dict[str, Any]:
+    """Return the provenance of each model and each method that a table measures, by name."""
+    found = {name: provenance(model) for name, model in models.items()}
+    return found | {method.name: method.provenance for method in methods}
 
 
 def weights_hash(network: KPRed) -> str:

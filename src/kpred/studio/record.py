@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from kpred.fitting.stages import Context
 from kpred.json_output import json_text
 from kpred.studio.gestures import Gesture, from_json, to_json
 from kpred.studio.session import MAX_GESTURES, Session
+
+Parsed = TypeVar("Parsed")
 
 SCHEMA = 1
 """Version of the record's layout; readers refuse newer ones."""
@@ -128,8 +130,13 @@ def read_record(path: Path) -> Record:
     content = read_content(path)
     if "room" in content:
         raise ConfigError(f"{path}: it is the record of a room; give the room as --scan.")
+    return parse_record(path, content, _record)
+
+
+def parse_record(path: Path, content: dict[str, Any], parse: Callable[[dict[str, Any]], Parsed]) -> Parsed:
+    """Call `parse` on the content of a record; whatever it stumbles over becomes a ConfigError that names the file."""
     try:
-        return _record(content)
+        return parse(content)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, AttributeError) as error:

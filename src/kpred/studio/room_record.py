@@ -14,7 +14,7 @@ from kpred.errors import ConfigError
 from kpred.json_output import json_text
 from kpred.nn.fingerprint import weights_fingerprint
 from kpred.studio.gestures import Gesture, from_json, to_json
-from kpred.studio.record import SCHEMA, array_sha256, read_content, text
+from kpred.studio.record import SCHEMA, array_sha256, parse_record, read_content, text
 from kpred.studio.room import RoomSession
 from kpred.studio.session import MAX_GESTURES, Session
 
@@ -102,13 +102,7 @@ def read_room_record(path: Path) -> RoomRecord:
     Raises:
         ConfigError: it is missing, damaged, or of a newer kpred.
     """
-    content = read_content(path)
-    try:
-        return _record(content)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ConfigError(f"{path}: the record is damaged; save the session again.") from error
+    return parse_record(path, read_content(path), _record)
 
 
 def _record(content: Mapping[str, Any]) -> RoomRecord:

@@ -12,7 +12,7 @@ from typing import Any
 
 from kpred.errors import PackError
 from kpred.evaluation.database_source import SOURCE_SPLIT, Progress, content_hash, counter
-from kpred.evaluation.header import processor, provenance, versions
+from kpred.evaluation.header import models_of, processor, versions
 from kpred.evaluation.methods.kp_red import KpRedMethod
 from kpred.evaluation.methods.method import Method
 from kpred.evaluation.methods.no_learning import NoLearningMethod
@@ -182,10 +182,7 @@ def header_of(
         "seed": config.seed,
         "unit": UNIT,
         "frame": FRAME,
-        "models": {
-            **{name: provenance(model) for name, model in models.items()},
-            **{method.name: method.provenance for method in methods},
-        },
+        "models": models_of(models, methods),
         "databases": {name: _searched(databases.get(name)) for name in models},
         "protocol": config.to_json(),
         "data": [

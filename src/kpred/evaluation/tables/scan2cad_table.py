@@ -22,7 +22,7 @@ import torch
 from kpred.database import Database
 from kpred.errors import ConfigError, KpredError, ScanError
 from kpred.evaluation.database_source import Progress, content_hash, counter, database_source
-from kpred.evaluation.header import processor, provenance, versions
+from kpred.evaluation.header import models_of, processor, versions
 from kpred.evaluation.methods.method import Method
 from kpred.evaluation.methods.no_learning import NoLearningMethod
 from kpred.evaluation.methods.sources import Sources
@@ -116,10 +116,7 @@ def _header(
         "seed": config.seed,
         "unit": UNIT,
         "frame": FRAME,
-        "models": {
-            **{name: provenance(model) for name, model in models.items()},
-            **{method.name: method.provenance for method in methods},
-        },
+        "models": models_of(models, methods),
         "protocol": config.to_json(),
         "data": [{"dataset": root.resolve().name, "sha256": content_hash(root / ANNOTATIONS)} for root in roots],
         "note": NOTE,
