@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from kpred.datasets.made_up_scan2cad import write_made_up_scan2cad
+from made_up_scan2cad import write_made_up_scan2cad
 
 
 def main() -> None:

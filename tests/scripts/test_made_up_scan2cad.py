@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_scan2cad import CATEGORIES, write_made_up_scan2cad
 
-from kpred.datasets.made_up_scan2cad import CATEGORIES, write_made_up_scan2cad
 from kpred.datasets.scan2cad import Scan2Cad
 from kpred.errors import ConfigError, ScanError
 from kpred.evaluation.scans.scenes import annotated_mesh, scan_of
