@@ -114,13 +114,13 @@ class PostgresBackend:
         except BaseException:
             self.close()
             raise
-        # Only a server that was there once is waited for.
-        self._patience = _PATIENCE
 
     @contextmanager
     def _connected(self) -> Iterator[Connection]:
         with _explained(self.path):
             connection = self._connect()
+            # Only a server that was there once is waited for.
+            self._patience = _PATIENCE
             with connection, connection.begin():
                 yield connection
 
