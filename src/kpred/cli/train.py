@@ -13,6 +13,7 @@ from tyro.conf import Positional, arg
 from kpred.cli.command import Command, Group
 from kpred.cli.output import Output
 from kpred.cli.processes import joined_world, own_device
+from kpred.cli.train_add import AddCommand
 from kpred.cli.train_confidence import ConfidenceCommand
 from kpred.cli.train_options import TrainingCommand, loss_note, resumable_training
 from kpred.cli.train_peer import PEER_COMMANDS
@@ -162,6 +163,8 @@ class AllCommand(_TrainCommand):
 def default(kind: type[Command], words: list[str]) -> Command:
     """Return the command with the settings of the preset in `words`, for single options to change."""
     settings: dict[str, Any] = {"packs": ()}
+    if kind is AddCommand:
+        settings["category"] = ""
     if issubclass(kind, _TrainCommand):
         named = [b for a, b in zip(words, words[1:], strict=False) if a == "--preset"]
         named += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
@@ -178,6 +181,7 @@ COMMAND = Group(
         "retrieval": RetrievalCommand,
         "partial": PartialCommand,
         "all": AllCommand,
+        "add": AddCommand,
         "recognition": RecognitionCommand,
         "visibility": VisibilityCommand,
         "confidence": ConfidenceCommand,
