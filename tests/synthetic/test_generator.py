@@ -223,6 +223,14 @@ def test_bad_arguments_are_refused(arguments: tuple, message: str) -> None:
         generate(*arguments)
 
 
+def test_a_family_alone_is_a_category_of_its_own() -> None:
+    pack = generate("other", 3, 5, splits=False, family="bicycle")
+    assert pack.category == "bicycle"
+    assert set(pack.extra["factory"]) == {"bicycle"}
+    with pytest.raises(ConfigError, match="no family 'spaceship'.*bicycle"):
+        generate("other", 3, 5, family="spaceship")
+
+
 def test_no_shapes_make_an_empty_pack() -> None:
     assert len(generate("chair", 0, seed=0)) == 0
 

@@ -14,13 +14,16 @@ import torch
 
 from kpred.bench.figure import Figure, load, seconds, timed_figure
 from kpred.database import Database
-from kpred.database.search import as_result, exact_distances, nearest
+from kpred.database.search import SearchResult, as_result, exact_distances, nearest
 from kpred.database.token_file import make_table, open_table
 from kpred.database.token_table import TableKey, TokenTable
 from kpred.errors import ConfigError
 
 LIMITS = {100_000: 15.0, 1_000_000: 150.0}
 _PART = 4000
+_CATEGORIES = 25
+"""Categories that a million models are also spread over, and searched in all."""
+
 _BRUTE_MODELS = 100_000
 """Brute force takes 6 kB a model: of more models so many are searched, and the time is scaled up."""
 
@@ -65,16 +68,10 @@ def search_figures(
     for models in sorted(sizes):
         _check_room(work, models, base)
         file = work / f"{models}.tokens"
-        rng = np.random.default_rng(models)
-
-        def rows(models: int = models, rng: np.random.Generator = rng) -> Iterator[tuple[list[str], np.ndarray]]:
-            for at in range(0, models, _PART):
-                many = min(_PART, models - at)
-                yield [f"m{i:09d}" for i in range(at, at + many)], synthetic_tokens(base, many, rng)
-
         started = time.perf_counter()
         shape = (models, *base.shape[1:])
-        made = make_table(file, TableKey("", "", "", models), shape, rows(), partial(_report_of, report, 2 * models))
+        making = partial(_report_of, report, 2 * models)
+        made = make_table(file, TableKey("", "", "", models), shape, _rows(base, models, models), making)
         make = time.perf_counter() - started
         del made
         before = _resident()
@@ -97,6 +94,39 @@ def search_figures(
             yield from _peers(table, wanted)
         del table
         file.unlink()
+        if models == 1_000_000:
+            yield _together(work, base, models, wanted, times)
+
+
+def _rows(base: np.ndarray, models: int, seed: int) -> Iterator[tuple[list[str], np.ndarray]]:
+    """Yield ids and tokens of `models` models, some thousand at a time."""
+    rng = np.random.default_rng(seed)
+    for at in range(0, models, _PART):
+        many = min(_PART, models - at)
+        yield [f"m{i:09d}" for i in range(at, at + many)], synthetic_tokens(base, many, rng)
+
+
+def _together(work: Path, base: np.ndarray, models: int, wanted: np.ndarray, one_table: list[float]) -> Figure:
+    """Measure the search of as many models in `_CATEGORIES` tables, all of them for each query, one after the other."""
+    folder, each = work / "categories", models // _CATEGORIES
+    folder.mkdir(exist_ok=True)
+    tables = []
+    for row in range(_CATEGORIES):
+        file = folder / f"{row}.tokens"
+        make_table(file, TableKey("", "", "", each), (each, *base.shape[1:]), _rows(base, each, row + 1))
+        table = open_table(file)
+        assert table is not None
+        tables.append(table)
+
+    def search(query: np.ndarray) -> list[SearchResult]:
+        return [table.search(query) for table in tables]
+
+    search(wanted[0])
+    times = [seconds(partial(search, query), 1, warm=0)[0] for query in wanted]
+    del tables
+    shutil.rmtree(folder)
+    name = f"exact search, {models} models in {_CATEGORIES} categories"
+    return timed_figure(name, times, LIMITS.get(models), "the same number in one category", one_table)
 
 
 def _report_of(report: Callable[[int, int], None], total: int, done: int) -> None:

@@ -28,6 +28,7 @@ class GenerateCommand(Command):
       kpred data generate cabinet -n 500 --coarse 0.5 -o cabinet.npz
       kpred data generate sofa -n 500 -o sofa.npz
       kpred data generate other -n 1000 -o other.npz
+      kpred data generate other --family bicycle -n 80 -o bicycle.npz
     """
 
     category: Annotated[Positional[str], arg(metavar="CATEGORY")]
@@ -42,6 +43,8 @@ class GenerateCommand(Command):
     """Fraction of shapes, 0 to 1, whose parts are replaced by their boxes"""
     coarse: Annotated[float, arg(metavar="FRACTION")] = 0.0
     """Fraction of shapes, 0 to 1, of few plain boxes in wide proportions, as games and simplified models have them"""
+    family: Annotated[str | None, arg(metavar="NAME")] = None
+    """Shapes of this family alone, which is then the pack's category (a wrong one lists all)"""
     splits: Annotated[bool, arg(help_behavior_hint="")] = True
     """Put all shapes in the split `source`, and not 15 % source, 70 % train, 15 % val"""
 
@@ -51,7 +54,13 @@ class GenerateCommand(Command):
 
         check_pack_place(self.output, "mesh")
         pack = generate(
-            self.category, self.count, self.seed, cuboids=self.cuboids, splits=self.splits, coarse=self.coarse
+            self.category,
+            self.count,
+            self.seed,
+            cuboids=self.cuboids,
+            splits=self.splits,
+            coarse=self.coarse,
+            family=self.family,
         )
         pack.save(self.output)
         _print_packs(output, [(self.output, pack)])

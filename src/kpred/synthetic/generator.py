@@ -73,7 +73,13 @@ FAMILIES: Mapping[str, dict[str, Family]] = _Families()
 
 
 def generate(
-    category: str, count: int, seed: int, cuboids: float = 0.0, splits: bool = True, coarse: float = 0.0
+    category: str,
+    count: int,
+    seed: int,
+    cuboids: float = 0.0,
+    splits: bool = True,
+    coarse: float = 0.0,
+    family: str | None = None,
 ) -> MeshPack:
     """Pack of `count` shapes of a category of `FAMILIES`; the families take turns.
 
@@ -82,11 +88,11 @@ def generate(
     whose parts are replaced by their boxes, `coarse` that of shapes of few plain boxes (`COARSE_FAMILIES`, drawn by
     their weights; chairs, tables and cabinets have some). With `splits` 15 % of shapes are source, 70 % train and
     15 % val at random by seed, else all are source. `model_id` is family_seed_index; extra arrays: `factory` (the
-    family), `seed`, `cuboid` (bool).
+    family), `seed`, `cuboid` (bool). `family`: only shapes of this one, whose name is the pack's category.
 
     Raises:
-        ConfigError: unknown category, negative count or seed, `cuboids` or `coarse` outside [0, 1], or a category
-            without coarse families.
+        ConfigError: unknown category or family, negative count or seed, `cuboids` or `coarse` outside [0, 1], or a
+            category without coarse families.
 
     """
     if category not in FAMILIES:
@@ -98,7 +104,9 @@ def generate(
             raise ConfigError(f"the fraction of {kind} shapes must lie in [0, 1], but is {fraction}")
     if coarse and category not in COARSE:
         raise ConfigError(f"there are no coarse shapes of '{category}'; leave `coarse` at 0")
-    names = list(FAMILIES[category])
+    if family is not None and family not in FAMILIES[category]:
+        raise ConfigError(f"'{category}' has no family '{family}'; choose one of {', '.join(FAMILIES[category])}")
+    names = list(FAMILIES[category]) if family is None else [family]
     labels: dict[str, int] = {}
     meshes: list[Mesh] = []
     boxed: list[bool] = []
@@ -121,7 +129,7 @@ def generate(
         meshes,
         [mesh.name for mesh in meshes],
         split,
-        category,
+        family or category,
         part_names=list(labels),
         extra={
             "factory": np.array(factories, dtype=str),
