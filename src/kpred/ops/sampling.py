@@ -32,9 +32,9 @@ def sample_surface(
     jitter = torch.rand(count, generator=generator, dtype=torch.float64, device=vertices.device)
     strata = torch.arange(count, dtype=torch.float64, device=vertices.device)
     position = (strata + jitter) / count * cumulative[-1]
-    # In random order, so that the first points are a fair sample too.
-    position = position[torch.randperm(count, generator=generator, device=vertices.device)]
     face = torch.searchsorted(cumulative, position).clamp(max=len(cumulative) - 1)
+    # In random order, so that the first points are a fair sample too.
+    face = face[torch.randperm(count, generator=generator, device=vertices.device)]
     u, v = torch.rand(2, count, 1, generator=generator, dtype=vertices.dtype, device=vertices.device)
     root = u.sqrt()
     a, b, c = corners[face].unbind(1)
