@@ -101,6 +101,25 @@ def test_contacts_do_not_open(case, kind):
     assert found.contact_gap < 0.003
 
 
+def test_legs_of_one_thickness_keep_one(cases):
+    case = cases["table"]
+    legs = np.flatnonzero(case.model.basis.standing)
+    vertices = case.vertices.copy()
+    for part in legs:
+        mine = case.structure.vertex_parts == part
+        middle = vertices[mine].mean(axis=0)
+        # Those in front of the scan are twice as thick.
+        vertices[mine] += (vertices[mine] - middle) * ([1, 0, 1] if middle[2] > 0 else [0, 0, 0])
+    differences = []
+    for repeat in (0.0, StructureConfig().repeat):
+        config = StructureConfig(repeat=repeat)
+        tied = type(case).of(case.vertices, case.faces, config=config)
+        result = tied.moved(tied.fit(case.scan(vertices), config=config))
+        sides = own_extents(result, case.structure.vertex_parts, case.structure.axes)[legs]
+        differences.append(np.ptp(sides[:, [0, 2]], axis=0).max())
+    assert differences[0] > 0.02 and differences[1] < 0.2 * differences[0]
+
+
 def sole_heights(case, result):
     standing = np.flatnonzero(case.model.basis.standing)
     return np.array([result[case.structure.vertex_parts == part, 1].min() for part in standing])

@@ -19,6 +19,7 @@ from kpred.refinement.joints import InnerEnds, contact_weights, inner_ends, join
 from kpred.refinement.structure_columns_cpu import fill_chords, fill_own, fill_spline
 from kpred.refinement.structure_config import StructureConfig
 from kpred.shapes.structure import Structure
+from kpred.shapes.structure.repeats import repeated_parts, repeated_thicknesses
 
 KINDS = 4
 """Unknowns of each group along an axis: move, grow, lean, bend."""
@@ -31,6 +32,9 @@ STANDING = 0.01
 
 LEVEL = 10.0
 """Weight that keeps what stands on the floor level."""
+
+UNIT_SIDE = 2.0
+"""Longest side of a model in its unit box."""
 
 RIGID = 1e3
 """Weight of what must hold exactly: far above that of the scan, which is about 1."""
@@ -135,7 +139,8 @@ def structure_basis(structure: Structure, config: StructureConfig) -> StructureB
     parts = np.arange(structure.parts)
     growth = (bare.rows(corners[:, 1], parts) - bare.rows(corners[:, 0], parts)).transpose(1, 0, 2)
     growth[:, :, config.controls + 2 :: KINDS] = 0.0
-    return replace(bare, stiff=_stiffness(bare, config), growth=growth)
+    tied = replace(bare, growth=growth)
+    return replace(tied, stiff=_stiffness(tied, config))
 
 
 def _stiffness(basis: StructureBasis, config: StructureConfig) -> np.ndarray:
@@ -158,6 +163,7 @@ def _stiffness(basis: StructureBasis, config: StructureConfig) -> np.ndarray:
         middle = (gap[:, ::2] + gap[:, 1::2]) / 2
         pin = joint_weights(structure, basis.half, basis.lean_axis, config).T
         stiff += middle.transpose(0, 2, 1) @ (pin[:, :, None] * middle)
+    _tie_repeats(basis, config, stiff)
     feet = np.flatnonzero(basis.standing)
     if len(feet) > 1:
         soles = basis.rows((basis.middle - basis.half)[feet], feet)[1]
@@ -175,6 +181,19 @@ def _stiffness(basis: StructureBasis, config: StructureConfig) -> np.ndarray:
         moves = controls + KINDS * basis.group[structure.mirrored_parts == np.arange(structure.parts)]
         stiff[0, moves, moves] += RIGID
     return stiff
+
+
+def _tie_repeats(basis: StructureBasis, config: StructureConfig, stiff: np.ndarray) -> None:
+    """Add to the stiffness (3, U, U) what keeps the thicknesses of parts of one size equal: legs, slats, shelves."""
+    sides = 2 * basis.half
+    sets = repeated_parts(sides, basis.structure.curved, UNIT_SIDE)
+    thin = repeated_thicknesses(sides, sets, UNIT_SIDE)
+    for number in np.unique(sets[thin.any(axis=1)]):
+        equal = np.flatnonzero(sets == number)
+        if len(np.unique(basis.group[equal])) > 1:
+            off = basis.growth[equal] - basis.growth[equal].mean(axis=0)
+            tied = np.where(thin[equal][:, :, None], off, 0.0)
+            stiff += config.repeat * np.einsum("pau,pav->auv", tied, tied)
 
 
 def _groups(structure: Structure) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,8 @@ class StructureConfig:
         part_ridge: weight of a part's own motion and growth; growth_ridge: of its growth relative to its own size;
             bend_ridge: of the bend of a part that is bent already.
         contact: weight of a gap that opens across a contact; sliding: of parts that slide along it; joint: of the
-            middle of a contact where one part is small or both lean; flush: of a step between ends that are flush.
+            middle of a contact where one part is small or both lean; flush: of a step between ends that are flush;
+            repeat: of differing thicknesses of parts that have one size.
         lean_gain: fall of the mean squared distance, unit box, from which a part may lean.
         thickness: weight of the growth of boards seen from one side.
         unseen: weight of the pull of unseen surface toward where the search begins.
@@ -39,6 +40,7 @@ class StructureConfig:
     sliding: float = 2e-4
     joint: float = 1.0
     flush: float = 0.003
+    repeat: float = 0.1
     lean_gain: float = 3e-5
     thickness: float = 1.0
     unseen: float = 1.0

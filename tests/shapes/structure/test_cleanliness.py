@@ -291,3 +291,20 @@ def test_thickness_is_that_across_the_thinnest_axis_beyond_the_scale() -> None:
     assert sheared == pytest.approx([1.0, np.cos(np.arctan(0.3))], rel=1e-5)
     bent = vertices + np.outer(0.3 * vertices[:, 0] ** 2, [0, 1, 0])
     assert thickness_ratios(vertices, bent, structure, 1.0)[0] == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_leg_that_is_thicker_than_its_likes_breaks_the_repetition() -> None:
+    vertices, faces = _boxes(TABLE)
+    structure = _structure(vertices, faces)
+    leg = structure.vertex_parts == 1
+    middle = vertices[leg].mean(axis=0)
+    thicker = vertices.copy()
+    thicker[leg] += (vertices[leg] - middle) * [0.5, 0, 0]
+    found = measure_cleanliness(vertices, thicker, faces, structure).repetition
+    side = np.ptp(vertices[leg, 0]) / 1.2
+    # One side of one of four legs is off by a half: its distance from the mean over legs and their two thicknesses.
+    assert found == pytest.approx(0.5 * side * np.sqrt(3 / 16 / 2))
+    alike = vertices * [1.3, 1.0, 0.8]
+    assert measure_cleanliness(vertices, alike, faces, structure).repetition == pytest.approx(0, abs=1e-9)
+    longer = vertices + np.outer(leg & (vertices[:, 1] < middle[1]), [0, -0.1, 0])
+    assert measure_cleanliness(vertices, longer, faces, structure).repetition == pytest.approx(0, abs=1e-9)

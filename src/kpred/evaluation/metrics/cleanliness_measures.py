@@ -18,6 +18,7 @@ MEASURES = {
     "contact_gap": LENGTH,
     "contact_gap_95": LENGTH,
     "folded_faces": FACES,
+    "repetition": LENGTH,
     "dihedral_change": ANGLE,
 }
 """Attributes of `kpred.shapes.structure.cleanliness.Cleanliness` and their units."""

@@ -18,6 +18,7 @@ COLUMNS = {
     "mirror": ("mirror %", 100.0),
     "part_box": ("box %", 100.0),
     "contact_gap": ("gap %", 100.0),
+    "repetition": ("repeats %", 100.0),
     "folded_faces": ("folded", 1.0),
 }
 """Measures that are printed: heading, and factor from the measure's own unit; JSON and CSV hold all."""

@@ -12,6 +12,7 @@ from kpred.shapes.structure.edge_changes import measure_edges
 from kpred.shapes.structure.edge_pairs import face_frames
 from kpred.shapes.structure.facet_changes import measure_facets
 from kpred.shapes.structure.facets import WELD_TOLERANCE, weld
+from kpred.shapes.structure.groups import group_means
 from kpred.shapes.structure.part_maps import (
     MIN_EXTENT,
     PartMaps,
@@ -21,6 +22,7 @@ from kpred.shapes.structure.part_maps import (
     measure_shears,
     own_extents,
 )
+from kpred.shapes.structure.repeats import repeated_parts, repeated_thicknesses
 from kpred.shapes.structure.structure import Structure
 from kpred.shapes.structure.weighted import weighted_mean, weighted_quantile
 
@@ -45,6 +47,7 @@ class Cleanliness:
             Curved parts are left out.
         contact_gap, contact_gap_95: gap that opened at contact points; parts that slid along each other have none.
         folded_faces: number of faces that point backwards against the movement of their part.
+        repetition: RMS difference of the thicknesses of parts of one size, as legs are, from their mean, likewise.
         dihedral_change: degrees by which dihedral angles changed at edges of two faces, mean by length.
     """
 
@@ -61,6 +64,7 @@ class Cleanliness:
     contact_gap: float
     contact_gap_95: float
     folded_faces: int
+    repetition: float
     dihedral_change: float
 
     def to_json(self) -> dict[str, float | int | None]:
@@ -112,8 +116,25 @@ def measure_cleanliness(
         contact_gap=weighted_mean(gaps, np.ones(len(gaps))),
         contact_gap_95=weighted_quantile(gaps, np.ones(len(gaps)), 0.95),
         folded_faces=int(find_folded(maps, frames[0].normals, frames[1].normals, face_parts, flat).sum()),
+        repetition=_repetition(maps, extents, structure),
         dihedral_change=edges.dihedral_change,
     )
+
+
+def _repetition(maps: PartMaps, extents: np.ndarray, structure: Structure) -> float:
+    """Measure the RMS difference of repeated thicknesses from their mean, beyond the source's, unit box."""
+    sets = repeated_parts(extents, structure.curved, 1.0)
+    thin = repeated_thicknesses(extents, sets, 1.0)
+    if not thin.any():
+        return 0.0
+    sides = extents * np.linalg.norm(maps.linear @ structure.axes.transpose(0, 2, 1), axis=1)
+    return max(0.0, _spread(sides, sets, thin) - _spread(extents, sets, thin))
+
+
+def _spread(sides: np.ndarray, sets: np.ndarray, marked: np.ndarray) -> float:
+    """Measure the RMS difference of the marked sides from the means of their sets."""
+    off = sides - group_means(sides, sets, int(sets.max()) + 1)[sets]
+    return float(np.sqrt((off[marked] ** 2).mean()))
 
 
 def thickness_ratios(
