@@ -1,9 +1,10 @@
 """Measure fits of the labelled instances of real rooms, each alone, its label hidden, gravity given.
 
-    python scripts/measure_room_instances.py ROOMS_FOLDER [--model FOLDER] [-o rows.json]
+    python scripts/measure_room_instances.py ROOMS_FOLDER [--model FOLDER] [--database FILE] [-o rows.json]
 
 A folder of rooms holds NAME.ply (z up, metres), NAME.instances.npy (number of each point's instance) and
 NAME.names.json (name of each number). Names that say neither furniture nor another known thing are left out.
+What counts as furniture are the categories of the database.
 """
 
 from __future__ import annotations
@@ -17,14 +18,19 @@ from pathlib import Path
 import numpy as np
 
 import kpred
+from kpred.database import Database
 from kpred.errors import KpredError
 from kpred.evaluation.rooms.labelled import FURNITURE, MIN_POINTS, UNNAMED
-from kpred.fitting.defaults import resolve_model
+from kpred.fitting.defaults import resolve_database, resolve_model
 from kpred.nn import Model
 from kpred.scenes.scene import read_scene
 
 LEFT_OUT = {*UNNAMED, "wall", "floor", "ceiling"}
 CONFIDENT = 0.5
+
+CATEGORIES = FURNITURE | {name: name for name in ("sofa", "bed", "lamp", "curtain", "door", "window", "mirror", "box")}
+CATEGORIES["television"] = "display"
+"""Categories of the names that labels give, of databases of more than chairs, tables and cabinets."""
 
 
 def instances(folder: Path) -> Iterator[tuple[str, str, np.ndarray]]:
@@ -40,11 +46,13 @@ def instances(folder: Path) -> Iterator[tuple[str, str, np.ndarray]]:
                 yield room, name, chosen
 
 
-def measure(room: str, name: str, points: np.ndarray, model: Model) -> dict[str, object]:
+def measure(room: str, name: str, points: np.ndarray, model: Model, database: Database) -> dict[str, object]:
     """Fit one instance; report what was found."""
-    row: dict[str, object] = {"room": room, "name": name, "true": FURNITURE.get(name, "other"), "points": len(points)}
+    true = CATEGORIES.get(name, "other")
+    true = true if true in database.categories() else "other"
+    row: dict[str, object] = {"room": room, "name": name, "true": true, "points": len(points)}
     try:
-        found = kpred.fit(points, model, up="z")
+        found = kpred.fit(points, model, database, up="z")
     except KpredError as error:
         return row | {"found": None, "confidence": 0.0, "error": str(error)}
     return row | {"found": found.category, "confidence": found.confidence, "warnings": list(found.warnings)}
@@ -59,8 +67,10 @@ def summary(rows: list[dict[str, object]]) -> list[str]:
     doubted = [row for row in others if float(str(row["confidence"])) < CONFIDENT]
     wrong = collections.Counter(f"{row['name']} -> {row['found']}" for row in known if row not in right)
     taken = collections.Counter(f"{row['name']} -> {row['found']}" for row in others if row not in doubted)
+    three = [row for row in known if row["true"] in ("chair", "table", "cabinet")]
     return [
         f"category right: {len(right)} of {len(known)}",
+        f"of these chairs, tables, cabinets: {sum(row in right for row in three)} of {len(three)}",
         f"of these confidence >= {CONFIDENT}: {len(sure)} of {len(right)}",
         f"other things with confidence < {CONFIDENT}: {len(doubted)} of {len(others)}",
         f"wrong: {dict(wrong)}",
@@ -73,10 +83,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--model", default=None, help="a model's name or folder; without it, the bundled one")
+    parser.add_argument("--database", type=Path, default=None, help="a database; without it, the bundled one")
     parser.add_argument("-o", "--output", type=Path, default=None)
     options = parser.parse_args()
     model = resolve_model(options.model)
-    rows = [measure(*instance, model) for instance in instances(options.folder)]
+    database = resolve_database(options.database)
+    rows = [measure(*instance, model, database) for instance in instances(options.folder)]
     print("\n".join(summary(rows)))
     if options.output is not None:
         options.output.write_text(json.dumps(rows, indent=1) + "\n")

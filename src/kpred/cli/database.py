@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from kpred.cli.command import Command, NetworkCommand
 from kpred.cli.database_build import AddCommand, BuildCommand, DatabasePath
+from kpred.cli.database_check import CheckCommand
 from kpred.cli.database_get import GetCommand
 from kpred.cli.database_transfer import CopyCommand, UpdateCommand
 from kpred.cli.output import Output
@@ -155,6 +156,7 @@ COMMAND: dict[str, type[Command]] = {
     "remove": RemoveCommand,
     "info": InfoCommand,
     "list": ListCommand,
+    "check": CheckCommand,
     "search": SearchCommand,
     "copy": CopyCommand,
     "get": GetCommand,
