@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from kpred.cli.main import main
 from kpred.errors import ConfigError, PackError
 from kpred.nn import load_model
 from kpred.nn.loading import bundled_model_path
@@ -65,6 +66,24 @@ def test_a_folder_of_meshes_is_a_pack(trees: MeshPack, tmp_path: Path, run_json:
         (meshes / f"tree{i}.obj").write_text(vertices + faces)
     report = run_json("train", "add", "palm", meshes, "-o", tmp_path / "run", "--limit", 1, *SHORT)
     assert report["notes"][0].startswith("4 shapes are trained on, 1")
+
+
+def test_a_whole_training_on_few_shapes_says_so(
+    trees: MeshPack, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trees.save(tmp_path / "trees.npz")
+    line = [
+        "train",
+        "deformation",
+        tmp_path / "trees.npz",
+        "-o",
+        tmp_path / "run",
+        *SHORT[:4],
+        "--deformation.steps",
+        1,
+    ]
+    assert main([str(word) for word in line]) == 0
+    assert "8 shapes are few to train on" in capsys.readouterr().out
 
 
 def test_three_shapes_are_refused_with_the_way_out(trees: MeshPack) -> None:

@@ -62,6 +62,7 @@ class _TrainCommand(TrainingCommand):
         from kpred.cli.progress import ProgressBar
         from kpred.errors import ConfigError
         from kpred.shapes.pack import MeshPack
+        from kpred.training.adding import SENSIBLE
         from kpred.training.run import train
 
         packs = [MeshPack.load(path) for path in self.packs]
@@ -70,6 +71,12 @@ class _TrainCommand(TrainingCommand):
         if len(categories) > 1:
             raise ConfigError(
                 f"A run trains one category, but was given {', '.join(categories)}; give packs of one, or --shared."
+            )
+        few = sum(len(pack.indices("source")) + len(pack.indices("train")) for pack in packs)
+        if few < SENSIBLE and world.is_first:
+            output.note(
+                f"note: {few} shapes are few to train on ({SENSIBLE} or more are sensible); `kpred train add` builds "
+                "on the shared networks, and compares with them."
             )
         folder = self.output if self.output is not None else Path("runs") / categories[0]
         began = time.perf_counter()

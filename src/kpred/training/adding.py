@@ -16,7 +16,7 @@ from kpred.shapes.pack import MeshPack
 from kpred.training.recognition_data import OTHER
 
 FEWEST, SENSIBLE = 4, 40
-"""Shapes below which nothing can be trained and held out, and below which an own network promises little."""
+"""Shapes below which nothing can be trained and held out, and below which a person is warned."""
 
 HELD_OUT = 0.2
 MAX_HELD_OUT = 40
@@ -71,8 +71,8 @@ def advice(pack: MeshPack) -> list[str]:
     found = [f"{len(pack) - held_out} shapes are trained on, {held_out} are held out."]
     if len(pack) < SENSIBLE:
         found.append(
-            f"{len(pack)} shapes are few: below {SENSIBLE} the shared networks are often as good as an own training; "
-            "compare both at the end."
+            f"{len(pack)} shapes are few ({SENSIBLE} or more are sensible): see at the end whether the new networks "
+            "are better than the shared ones."
         )
     return found
 
