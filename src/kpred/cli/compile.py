@@ -39,7 +39,7 @@ class CompileCommand(Command):
 
 
 def fit_in_all_ways(scan: np.ndarray) -> None:
-    """Run the compiled code of `kpred fit`: fit a scan (N, 3), y up, as unknown, as partial and as known, and two models."""
+    """Run the compiled code of fits: of a scan (N, 3), y up, as unknown, partial and known; of two models."""
     import numpy as np
 
     from kpred.fitting.defaults import resolve_database
