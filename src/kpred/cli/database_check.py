@@ -18,7 +18,7 @@ from kpred.database.address import masked
 class CheckCommand(Command):
     """Name the models whose front, size, licence or mesh is doubtful, and what to do about it.
 
-    Fronts are guessed by the recognizer, and only reported: correct them in the column `front` of the manifest, build again
+    Fronts are guessed by the recognizer, and only shown: correct them in the column `front` of the manifest, build again
     with --update, and look at `kpred plot catalogue`.
 
     examples:
