@@ -18,8 +18,8 @@ from kpred.database.address import masked
 class CheckCommand(Command):
     """Name the models whose front, size, licence or mesh is doubtful, and what to do about it.
 
-    Fronts are guessed by the recognizer, and only shown: correct them in the column `front` of the manifest, build again
-    with --update, and look at `kpred plot catalogue`.
+    Fronts are guessed by the recognizer, and only shown: correct them in the column `front` of the manifest, build
+    again with --update, and look at `kpred plot catalogue`.
 
     examples:
       kpred database check mine.kpred
