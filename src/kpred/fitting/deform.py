@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from kpred.fitting.candidates import Candidates
+from kpred.fitting.expected_surface import expected_surfaces
 from kpred.fitting.explanation import Deformation, Deformed, Explanation
 from kpred.fitting.visibility import Visibility
 from kpred.ops.worksharing import parallel_for
@@ -128,6 +129,8 @@ class _Work:
         self.evidence = Evidence(self.goal, visibility, floor, self.spacing)
         self.points = candidates.points.numpy()
         self.start = candidates.deformed().numpy()
+        if candidates.partial:
+            self.start = expected_surfaces(self.start, self.goal)
         self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]
 
     @cached_property
