@@ -27,9 +27,11 @@ def is_closed() -> Callable[[Part], bool]:
     """Whether each edge is used once in each direction."""
 
     def checked(part: Part) -> bool:
-        edges = [tuple(edge) for face in part.faces for edge in (face[[0, 1]], face[[1, 2]], face[[2, 0]])]
-        used = set(edges)
-        return len(used) == len(edges) and all((b, a) in used for a, b in used)
+        first = part.faces.astype(np.int64).ravel()
+        second = np.roll(part.faces, -1, axis=1).astype(np.int64).ravel()
+        count = len(part.vertices)
+        used = np.sort(first * count + second)
+        return bool((np.diff(used) > 0).all() and np.array_equal(used, np.sort(second * count + first)))
 
     return checked
 

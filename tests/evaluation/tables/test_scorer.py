@@ -76,12 +76,13 @@ def test_undeformed_nearest_is_the_least_chamfer_distance_to_any_source(
 ) -> None:
     with Database.open(database) as store:
         shapes = store.candidates("chair").points
+    trees = [cKDTree(shape) for shape in shapes]
     nearest = []
     for target in _targets(packs, "chair"):
         tree = cKDTree(target.points.numpy())
         both = [
-            (tree.query(shape)[0] ** 2).mean() + (cKDTree(shape).query(target.points.numpy())[0] ** 2).mean()
-            for shape in shapes
+            (tree.query(shape)[0] ** 2).mean() + (one.query(target.points.numpy())[0] ** 2).mean()
+            for shape, one in zip(shapes, trees, strict=True)
         ]
         nearest.append(min(both))
     assert _value(table, "undeformed_nearest", "chair") == pytest.approx(sum(nearest) / len(nearest), rel=1e-4)
