@@ -121,16 +121,14 @@ class _Work:
         floor: float | None,
         unit: float | None,
     ) -> None:
-        self.unit = unit
-        self.candidates, self.visibility, self.config = candidates, visibility, config
+        self.candidates, self.visibility, self.config, self.unit = candidates, visibility, config, unit
         self.goal = np.ascontiguousarray(candidates.target.numpy())
         self.few = np.ascontiguousarray(self.goal[:: max(1, len(self.goal) // PLACED_POINTS)])
         self.spacing = spacing(self.goal)
         self.evidence = Evidence(self.goal, visibility, floor, self.spacing)
         self.points = candidates.points.numpy()
-        self.start = candidates.deformed().numpy()
-        if candidates.partial:
-            self.start = expected_surfaces(self.start, self.goal)
+        start = candidates.deformed().numpy()
+        self.start = expected_surfaces(start, self.goal) if candidates.partial else start
         self.models = [candidates.structure_model(row, config) for row in range(len(self.points))]
 
     @cached_property
