@@ -54,7 +54,8 @@ def refusal(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
     def run(*words: object) -> str:
         assert main([*map(str, words)]) == FAILED
         printed = capsys.readouterr()
-        lines = [line for line in printed.err.splitlines() if line.startswith("kpred: ")]
+        said = [line for line in printed.err.splitlines() if not line.startswith("kpred: note: ")]
+        lines = [line for line in said if line.startswith("kpred: ")]
         assert len(lines) == 1
         assert "Traceback" not in printed.err
         assert "unexpected" not in lines[0]

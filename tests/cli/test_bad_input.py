@@ -409,7 +409,7 @@ def one_sentence(answer: dict[str, Any]) -> str:
 
 def without_notes(errors: str) -> str:
     """What a command said on standard error, but for its notes."""
-    return "".join(line for line in errors.splitlines(keepends=True) if not line.startswith("note: "))
+    return "".join(line for line in errors.splitlines(keepends=True) if not line.startswith("kpred: note: "))
 
 
 def writing_lines(files: Path, folder: Path) -> dict[str, list[object]]:

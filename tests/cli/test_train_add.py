@@ -83,7 +83,7 @@ def test_a_whole_training_on_few_shapes_says_so(
         1,
     ]
     assert main([str(word) for word in line]) == 0
-    assert "8 shapes are few to train on" in capsys.readouterr().out
+    assert "8 shapes are few to train on" in capsys.readouterr().err
 
 
 def test_three_shapes_are_refused_with_the_way_out(trees: MeshPack) -> None:

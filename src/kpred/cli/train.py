@@ -74,8 +74,8 @@ class _TrainCommand(TrainingCommand):
             )
         few = sum(len(pack.indices("source")) + len(pack.indices("train")) for pack in packs)
         if few < SENSIBLE and world.is_first:
-            output.note(
-                f"note: {few} shapes are few to train on ({SENSIBLE} or more are sensible); `kpred train add` builds "
+            output.caution(
+                f"{few} shapes are few to train on ({SENSIBLE} or more are sensible); `kpred train add` builds "
                 "on the shared networks, and compares with them."
             )
         folder = self.output if self.output is not None else Path("runs") / categories[0]
