@@ -41,6 +41,15 @@ def seen_from_above(case):
     return visible
 
 
+def test_all_models_have_one_layout_in_memory(case):
+    """Code is compiled once for each layout: another model must not make a fit compile."""
+    model = case.model
+    columns, basis = model.columns(2), model.basis
+    arrays = [*model._freedom, basis.middle, basis.half, basis.growth, basis.stiff, basis.lean_axis, basis.group]
+    arrays += [columns.points, columns.normals, columns.spline, columns.own, columns.across, columns.facing]
+    assert all(array.flags.c_contiguous for array in arrays)
+
+
 def test_its_own_points_leave_a_model_as_it_is(case):
     found = case.fit(case.points.astype(np.float32), config=StructureConfig(points=len(case.points)))
     np.testing.assert_allclose(case.moved(found), case.vertices, atol=1e-5)

@@ -49,7 +49,7 @@ def spline_spans(basis: StructureBasis) -> Int[np.ndarray, "parts 3 2"]:
     # Control k acts on cells k - 2 to k.
     first = np.floor((low - basis.low) / spacing).astype(np.int64)
     last = np.floor((high - basis.low) / spacing).astype(np.int64) + 2
-    found = np.clip(np.stack([first, last], axis=2), 0, basis.controls - 1)
+    found = np.ascontiguousarray(np.clip(np.stack([first, last], axis=2), 0, basis.controls - 1))
     for part, axis, start, end in basis.structure.affine_ranges:
         one, along = int(part), int(axis)
         if start <= low[one, along] + 1e-6 and end >= high[one, along] - 1e-6:
@@ -116,7 +116,7 @@ def _arc(points: np.ndarray, axis: int, along: int) -> float:
 def growth_limits(basis: StructureBasis) -> Float[np.ndarray, "parts 3 3"]:
     """List the lowest and highest growth of each part's sides, and their half side; unit box."""
     half = basis.half
-    return np.stack([2 * half * (MIN_GROWTH - 1), 2 * half * (MAX_GROWTH - 1), half], axis=2)
+    return np.ascontiguousarray(np.stack([2 * half * (MIN_GROWTH - 1), 2 * half * (MAX_GROWTH - 1), half], axis=2))
 
 
 def _of_groups(basis: StructureBasis, each: np.ndarray) -> np.ndarray:

@@ -85,7 +85,7 @@ class StructureBasis:
     ) -> tuple[Float[np.ndarray, "3 controls points"], Float[np.ndarray, "3 kinds points"]]:
         """Compute the columns of f, and those of t, s, l and b, for points of the given parts; float32."""
         spline = np.empty((3, self.controls, len(points)), np.float32)
-        boxes = (self.middle, self.half, self.structure.ends_only)
+        boxes = (self.middle, self.half, np.ascontiguousarray(self.structure.ends_only))
         place, of = np.ascontiguousarray(points, dtype=np.float64), np.asarray(parts, np.int64)
         fill_chords(place, of, self.low, self.high, *boxes, self._ranges, spline)
         return spline, self._own(place, of)
@@ -93,7 +93,7 @@ class StructureBasis:
     @property
     def _ranges(self) -> np.ndarray:
         """Affine ranges (R, 4) of parts along axes."""
-        return np.asarray(self.structure.affine_ranges, np.float64).reshape(-1, 4)
+        return np.ascontiguousarray(np.asarray(self.structure.affine_ranges, np.float64).reshape(-1, 4))
 
     def _own(self, points: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """Compute the columns (3, KINDS, N) of the parts' own unknowns."""
@@ -123,7 +123,9 @@ class StructureBasis:
 def structure_basis(structure: Structure, config: StructureConfig) -> StructureBasis:
     """Set up the columns and the stiffness of one model; its structure is in the unit box."""
     corners = _world_boxes(structure)
-    middle, half = corners.mean(axis=1), np.maximum(np.diff(corners, axis=1)[:, 0] / 2, MIN_HALF_SIDE)
+    # Arrays of all models have one layout in memory: compiled code exists once for each layout.
+    middle = np.ascontiguousarray(corners.mean(axis=1))
+    half = np.ascontiguousarray(np.maximum(np.diff(corners, axis=1)[:, 0] / 2, MIN_HALF_SIDE))
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     if np.isfinite(structure.mirror):
         reach = max(high[0] - structure.mirror, structure.mirror - low[0])
@@ -139,7 +141,7 @@ def structure_basis(structure: Structure, config: StructureConfig) -> StructureB
     parts = np.arange(structure.parts)
     growth = (bare.rows(corners[:, 1], parts) - bare.rows(corners[:, 0], parts)).transpose(1, 0, 2)
     growth[:, :, config.controls + 2 :: KINDS] = 0.0
-    tied = replace(bare, growth=growth)
+    tied = replace(bare, growth=np.ascontiguousarray(growth))
     return replace(tied, stiff=_stiffness(tied, config))
 
 
