@@ -35,7 +35,9 @@ def trees(tmp_path_factory: pytest.TempPathFactory) -> MeshPack:
 
 def test_the_model_keeps_all_it_knew_and_gets_the_category(trees: MeshPack, tmp_path: Path, run_json: Run) -> None:
     trees.save(tmp_path / "trees.npz")
-    report = run_json("train", "add", "palm", tmp_path / "trees.npz", "-o", tmp_path / "run", "--limit", 1, *SHORT)
+    report = run_json(
+        "train", "add", "palm", tmp_path / "trees.npz", "-o", tmp_path / "run", "--limit", 1, *SHORT, "--base=bundled"
+    )
     folder = tmp_path / "run" / "model"
     assert report["model"] == str(folder)
     base, added = load_model(), load_model(folder)

@@ -69,7 +69,7 @@ class AddCommand(TrainingCommand):
         from kpred.cli.progress import ProgressBar
         from kpred.cli.table_options import print_pages
         from kpred.evaluation.tables.pages import ratio_pages
-        from kpred.nn.loading import bundled_model_path, load_model
+        from kpred.nn.loading import find_model, load_model
         from kpred.training.adding import advice, check_name, complete_model, own_splits
 
         if not self.packs:
@@ -86,9 +86,7 @@ class AddCommand(TrainingCommand):
         began, losses = time.perf_counter(), dict[str, dict[str, float]]()
         with resumable_training(folder), ProgressBar() as bar:
             self._train(pack, folder, bar, losses)
-            complete_model(
-                folder / "model", self.category, bundled_model_path() if self.base is None else Path(base.name)
-            )
+            complete_model(folder / "model", self.category, find_model(self.base))
             seconds = time.perf_counter() - began
             table = self._measured(pack, folder, bar)
         held_out = [

@@ -136,6 +136,30 @@ def is_folder_name(name: str) -> bool:
     return name not in BUNDLED and not is_hub_address(name)
 
 
+def find_model(name_or_path: str | os.PathLike[str] | None = None) -> Path:
+    """Find the folder of the weights that `load_model` loads; one of a hub is fetched.
+
+    Raises:
+        ModelError: if nothing is there.
+    """
+    if name_or_path is None or str(name_or_path) in BUNDLED:
+        folder = bundled_model_path("bundled" if name_or_path is None else str(name_or_path))
+        if not folder.is_dir():
+            raise ModelError(f"The bundled weights are missing at {folder}; reinstall kpred.")
+        return folder
+    folder, name = Path(name_or_path), str(name_or_path)
+    if folder.is_file():
+        raise ModelError(f"{folder} is a file; give the folder that holds {CONFIG_FILE} and {WEIGHTS_FILE}.")
+    if is_hub_address(name):
+        return fetch_from_hub(name)
+    if not folder.is_dir():
+        raise ModelError(
+            f"There is no model folder {name}; give a folder of trained weights, hf://owner/name@revision, or "
+            "leave it out for the bundled ones."
+        )
+    return folder
+
+
 def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch.device | str = "cpu") -> Model:
     """Load weights: None or a name in `BUNDLED` for those of the package, else a folder or `hf://owner/name@revision`.
 
@@ -146,22 +170,7 @@ def load_model(name_or_path: str | os.PathLike[str] | None = None, device: torch
     Raises:
         ModelError: if nothing is there, a file is truncated, or weights and config do not fit each other.
     """
-    if name_or_path is None or str(name_or_path) in BUNDLED:
-        name = "bundled" if name_or_path is None else str(name_or_path)
-        folder = bundled_model_path(name)
-        if not folder.is_dir():
-            raise ModelError(f"The bundled weights are missing at {folder}; reinstall kpred.")
-    else:
-        folder, name = Path(name_or_path), str(name_or_path)
-        if folder.is_file():
-            raise ModelError(f"{folder} is a file; give the folder that holds {CONFIG_FILE} and {WEIGHTS_FILE}.")
-        if is_hub_address(name):
-            folder = fetch_from_hub(name)
-        elif not folder.is_dir():
-            raise ModelError(
-                f"There is no model folder {name}; give a folder of trained weights, hf://owner/name@revision, or "
-                "leave it out for the bundled ones."
-            )
+    folder, name = find_model(name_or_path), "bundled" if name_or_path is None else str(name_or_path)
     if (folder / CONFIG_FILE).is_file():
         network = load_network(folder, device)
         return Model(name, {network.config.category: network}, calibration=load_calibration(folder))

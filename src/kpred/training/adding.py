@@ -11,7 +11,7 @@ import numpy as np
 
 from kpred.errors import ConfigError, OutputError, PackError
 from kpred.nn.config import SHARED, ModelConfig
-from kpred.nn.loading import RECOGNIZER, SHARED_RECOGNIZER, VISIBILITY, Model, bundled_model_path, load_network
+from kpred.nn.loading import RECOGNIZER, SHARED_RECOGNIZER, VISIBILITY, Model, find_model, load_network
 from kpred.shapes.pack import MeshPack
 from kpred.training.recognition_data import OTHER
 
@@ -83,7 +83,7 @@ def shared_part(base: str | os.PathLike[str] | None, category: str) -> tuple[Pat
     Raises:
         ModelError: there are none.
     """
-    folder = (bundled_model_path() if base is None or str(base) == "bundled" else Path(base)) / SHARED
+    folder = find_model(base) / SHARED
     return folder, dataclasses.replace(load_network(folder).config, category=category)
 
 
