@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import collections
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
@@ -12,6 +13,12 @@ from kpred.cli.command import Command
 from kpred.cli.database_build import DatabasePath
 from kpred.cli.output import Output
 from kpred.database.address import masked
+
+if TYPE_CHECKING:
+    from kpred.database.doubts import Doubt
+
+MAX_ROWS = 5
+"""Models that are listed for one sentence; where it is said of more, their number is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +52,18 @@ class CheckCommand(Command):
             count = len(database)
         output.result([doubt._asdict() for doubt in doubts])
         if doubts:
-            output.table(f"{masked(self.file)}: what is doubtful", ["model", "kind", "what"], list(doubts))
+            output.table(f"{masked(self.file)}: what is doubtful", ["model", "kind", "what"], _rows(doubts))
         kinds = ", ".join(f"{kind} {n}" for kind, n in collections.Counter(d.kind for d in doubts).items())
         output.note(f"{count} models checked; {kinds or 'nothing is doubtful'}")
+
+
+def _rows(doubts: Iterable[Doubt]) -> list[tuple[str, str, str]]:
+    """List a row a doubt; what is said of many models alike is one row."""
+    models = collections.defaultdict[tuple[str, str], list[str]](list)
+    for doubt in doubts:
+        models[doubt.kind, doubt.sentence].append(doubt.model_id)
+    return [
+        (name, kind, sentence)
+        for (kind, sentence), names in models.items()
+        for name in (names if len(names) <= MAX_ROWS else [f"{len(names)} models, {names[0]} and others"])
+    ]
